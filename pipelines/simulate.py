@@ -76,7 +76,7 @@ def simulate(
     from tssgeom.tendon import simulation
 
     choose(style)
-    settings = run_settings(rig, None, unit, columns=columns, takes_machines=not adapt)
+    settings = run_settings(rig, None, unit, columns=columns, takes_machines=True)
     if write_rig is not None and not adapt:
         raise SettingsError("--write-rig needs --adapt: give both")
     with outputs(out, TABLE, PICTURE):

@@ -14,7 +14,7 @@ from tssgeom.statistics import NORMAL_95
 
 if TYPE_CHECKING:
     from pipelines.inputs import RunSettings
-    from tssgeom.adapt.offline import FollowedRun, RunColumns
+    from tssgeom.adapt.offline import FollowedRun, MachineColumns, RunColumns
     from tssgeom.io.formats.runs import MeasuredRun
     from tssgeom.io.results.keys.runs import FollowedNumber, FollowedObject, NumberAt
 
@@ -53,7 +53,7 @@ def simulate_adapt(
         require_replaceable(write_rig)
     with outputs(out, *_FILES):
         run = measured_run(drive, settings)
-        channel, _ = run.channel(_DRIVES)
+        channel = _drive_of(run, settings)
         sensed = sensed_route(shapes, settings)
         check_run(run, sensed, settings.rig)
         with errors_naming(drive, shapes), step_progress(quiet=quiet or as_json) as report_step:
@@ -74,7 +74,8 @@ def simulate_adapt(
         write_followed(out / RUN, followed)
         write_numbers(out / NUMBERS, followed)
         write_alerts(out / ALERTS, followed)
-        draw = partial(followed_figure, followed, run.tension_out)
+        measured = run.columns.get("tension_out_1_N", run.tension_out)
+        draw = partial(followed_figure, followed, measured)
         files = write_figure(draw, out, FIGURE)
         files = [(out / name).as_posix() for name in (RUN, NUMBERS, ALERTS, REPORT, *files)]
         if figures is not None:
@@ -99,10 +100,25 @@ def simulate_adapt(
         return 1 if sensed.rejected else 0
 
 
-def _columns(run: MeasuredRun, settings: RunSettings) -> RunColumns:
-    from pipelines.runs import temperature_of
-    from tssgeom.adapt.offline import RunColumns
+def _drive_of(run: MeasuredRun, settings: RunSettings) -> str:
+    """Return what drives, of several channels the first."""
+    from tssgeom.mechanism import tendon_count
+    from tssgeom.tendon.machine_simulation import drive_channels, drive_of, with_torque
 
+    rig = settings.rig
+    if not rig.is_machine:
+        return run.channel(_DRIVES)[0]
+    count = tendon_count(rig.drive, rig.end)
+    return drive_channels(drive_of(with_torque(run.columns, rig), count), count)[0]
+
+
+def _columns(run: MeasuredRun, settings: RunSettings) -> RunColumns | MachineColumns:
+    from pipelines.runs import temperature_of
+    from tssgeom.adapt.offline import MachineColumns, RunColumns
+
+    if settings.rig.is_machine:
+        channels = {name: values for name, values in run.columns.items() if name != "time_s"}
+        return MachineColumns(run.time, channels)
     elongation = run.elongation
     if elongation is None and run.displacement_in is not None and run.displacement_out is not None:
         if "elongation_m" in settings.rig.sensors:

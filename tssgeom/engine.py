@@ -26,7 +26,6 @@ from tssgeom.stream import (
     sensed_route,
 )
 from tssgeom.tendon.commander import Commander
-from tssgeom.tendon.state import pretensioned
 
 _Result = TypeVar("_Result")
 _FAULTS = (TssgeomError, ArithmeticError)  # of one frame: the next may be sound
@@ -100,8 +99,7 @@ class Engine:
         follower: Follower | None = None,
     ) -> None:
         self._rig, self._tension_in = rig, tension_in
-        rest = at_rest(rig) if follower is None else pretensioned(rig)
-        self._state: Carried = rest if state is None else state
+        self._state: Carried = at_rest(rig) if state is None else state
         self._commander, self._follower = commander, follower
         self._track = Track()
         self._count = 0

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-from tssgeom.adapt import carry
+from tssgeom.adapt import carry, carry_machine
 from tssgeom.adapt.alert import Alert
 from tssgeom.adapt.followed_tendon import with_filter
 from tssgeom.adapt.follower import Follower
@@ -179,8 +179,9 @@ def pulled(
     FitError
         Where the tendon has no equilibrium.
     """
-    if rig.is_machine and follower is None:
-        return _of_machine(seq, frame, state, rig, tension_in, sensed, commander or commander_of(rig))
+    if rig.is_machine:
+        commander = commander or commander_of(rig)
+        return _of_machine(seq, frame, state, rig, tension_in, sensed, commander, follower)
     if isinstance(state, CarriedMachine):
         raise SettingsError("the state is of a machine, the rig is one tendon on a spring: start anew")
     shape, tracked, fit, shared = sensed
@@ -237,15 +238,18 @@ def _of_machine(
     tension_in: float,
     sensed: SensedRoute,
     commander: Commander,
+    follower: Follower | None,
 ) -> FrameResult:
     """Take a machine through a frame, as `pulled` takes one tendon."""
     shape, tracked, fit, shared = sensed
     before = state if isinstance(state, CarriedMachine) else CarriedMachine()
     readings, warnings = _readings(frame, rig)
     of_machine = commander.of_machine or machine_commander_of(rig)
-    moment, of_machine = of_machine.moved(
-        before, rig, readings, Moved(fit.arcs, frame.time, tension_in, shared)
-    )
+    at = Moved(fit.arcs, frame.time, tension_in, shared)
+    if follower is None:
+        moment, of_machine = of_machine.moved(before, rig, readings, at)
+    else:
+        moment = carry_machine.moved(follower, of_machine, before, readings, at)
     most = max(value for name, value in moment.channels.items() if name.startswith("tension_in"))
     return FrameResult(
         seq=seq,
@@ -259,8 +263,11 @@ def _of_machine(
         + shape.warnings
         + fit.warnings
         + warnings
-        + _implausible(frame, rig, fit.arcs.total_length, most),
+        + _implausible(frame, rig, fit.arcs.total_length, most)
+        + (() if follower is None else follower.warnings),
         commander=replace(commander, of_machine=of_machine),
+        followed=None if follower is None else follower.known,
+        alert=None if follower is None else follower.alert,
         machine=moment,
     )
 

@@ -94,5 +94,5 @@ def live(
         adapt=adapt,
         write_rig=write_rig,
     )
-    settings = run_settings(rig, tension_in, unit, columns=columns, takes_machines=not adapt)
+    settings = run_settings(rig, tension_in, unit, columns=columns, takes_machines=True)
     raise typer.Exit(run(options, settings))

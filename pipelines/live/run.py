@@ -178,9 +178,8 @@ def _require_usable(options: LiveOptions, rig: Rig, state: Carried | None) -> No
     """Refuse a saved state of another kind than the rig has, with a SettingsError."""
     if state is None:
         return
-    is_machine = rig.is_machine and not options.adapt
-    if isinstance(state, CarriedMachine) != is_machine:
-        of, needed = ("one tendon", "a machine") if is_machine else ("a machine", "one tendon")
+    if isinstance(state, CarriedMachine) != rig.is_machine:
+        of, needed = ("one tendon", "a machine") if rig.is_machine else ("a machine", "one tendon")
         raise SettingsError(f"{options.state}: the state is of {of}, the stream needs {needed}: remove it")
     if isinstance(state, CarriedMachine):
         try:

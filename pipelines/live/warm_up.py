@@ -28,7 +28,7 @@ def warm_up(rig: Rig, commander: Commander | None = None, *, adapt: bool = False
     for route in (_pieces, _spiral):
         frames = list(_frames(route))
         follower = Follower(rig) if adapt else None
-        if rig.is_machine and not adapt:
+        if rig.is_machine:
             frames = [_of_machine(frame, rig) for frame in frames]
         for result in process(frames, rig, tension_in=10.0, commander=commander, follower=follower):
             if isinstance(result, FrameResult):

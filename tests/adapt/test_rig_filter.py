@@ -37,7 +37,7 @@ def test_readings_shift_an_ensemble_as_a_kalman_filter_does():
     reading, variance = np.array([0.4, -0.3]), np.array([0.2, 0.05])
     mean, before = numbers.mean(axis=0), np.cov(numbers, rowvar=False)
     gain = before @ rows.T @ np.linalg.inv(rows @ before @ rows.T + np.diag(variance))
-    used, innovation = core.assimilate(k, numbers, memory, predicted, reading, variance, 6.0)
+    used, innovation = core.assimilate(1, k, numbers, memory, predicted, reading, variance, 6.0)
     assert used == 2
     np.testing.assert_allclose(numbers.mean(axis=0), mean + gain @ (reading - rows @ mean), rtol=1e-10)
     np.testing.assert_allclose(
@@ -52,7 +52,7 @@ def test_an_outlier_and_a_missing_reading_are_not_used():
     numbers, memory = np.array([[1.0], [2.0], [3.0]]), np.ones((3, 43))
     predicted = np.hstack((numbers, numbers))
     before = numbers.copy()
-    used, _ = core.assimilate(3, numbers, memory, predicted, np.array([np.nan, 90.0]), np.ones(2), 6.0)
+    used, _ = core.assimilate(1, 3, numbers, memory, predicted, np.array([np.nan, 90.0]), np.ones(2), 6.0)
     assert used == 0
     np.testing.assert_array_equal(numbers, before)
 

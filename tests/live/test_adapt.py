@@ -119,3 +119,66 @@ def test_an_alert_is_said_when_it_begins_when_its_mechanism_is_named_and_when_it
     )
     assert alert_sentence(named, surer) is None
     assert alert_sentence(surer, None) == "alert: tension_in_N agrees with the model again"
+
+
+MACHINE = """
+[drive]
+kind = "pair"
+radius_m = 0.01
+
+[end]
+kind = "joint"
+radius_m = 0.008
+stiffness_Nm_per_rad = 0.05
+
+[tendon]
+pretension_N = 6.0
+
+[sensors.motor_angle_rad]
+noise = 1e-3
+
+[sensors.motor_torque_Nm]
+noise = 2e-3
+
+[sensors.joint_angle_rad]
+noise = 1e-3
+"""
+
+
+def test_a_machine_is_followed_and_goes_on_from_its_state(tmp_path):
+    rig, state, out = (tmp_path / name for name in ("rig.toml", "state.json", "followed.toml"))
+    rig.write_text(MACHINE)
+    options = ("--rig", rig, "--adapt", "--state", state, "--write-rig", out)
+
+    def answered(stream: Live, i: int) -> dict[str, Any]:
+        angle = 0.01 * i
+        read = {"motor_angle_rad": angle, "motor_torque_Nm": 0.12 * angle, "joint_angle_rad": angle}
+        stream.input.write(line(half_circle(), 0.02 * i, **read))
+        stream.input.flush()
+        answer = next_answer(stream)
+        while answer.get("stale"):
+            answer = next_answer(stream)
+        return answer
+
+    with live(*options) as stream:
+        answers = [answered(stream, i) for i in range(40)]
+        stream.input.close()
+        assert stream.process.wait(PATIENCE) == 0
+        assert not any("one tendon" in text for text in stream.errors)
+    first, last = (each["followed"] for each in (answers[0], answers[-1]))
+    assert list(first) == ["friction.coefficient", "sensors.motor_torque_Nm.zero"]
+    assert last["friction.coefficient"][1] < first["friction.coefficient"][1]
+    assert answers[-1]["tension_in_1_N"] > answers[-1]["tension_in_2_N"]
+    written = read_rig(out)
+    assert written.friction.coefficient == pytest.approx(last["friction.coefficient"][0], rel=1e-12)
+    assert written.sensors["motor_torque_Nm"].zero == pytest.approx(
+        last["sensors.motor_torque_Nm.zero"][0], rel=1e-12
+    )
+    saved = read_filter(state, read_rig(rig))
+    assert saved is not None
+    assert saved.members.mean(axis=0).tolist() == [value for value, _ in last.values()]
+    with live(*options) as stream:
+        again = answered(stream, 40)
+        assert stream.stop() == 0
+        assert not any("anew" in text for text in stream.errors)
+    assert again["followed"]["friction.coefficient"][1] < 1.2 * last["friction.coefficient"][1]

@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from tests.lumped.changes import Change
 from tests.lumped.march import Stepped
 from tests.lumped.mechanism import Joint, Motor, Segment
 from tests.lumped.physics import Distal, Drive, Physics
@@ -83,28 +84,32 @@ def simulate_machine(
     end: Joint | Segment,
     times: ArrayLike,
     max_step: float = 0.02,
+    changes: Sequence[Change] = (),
+    ends_only: bool = False,
 ) -> MachineRun:
     """Run from rest, where each tendon has its pretension all along, in substeps of at most `max_step` [s].
 
     `drive` is one motor for one or two tendons, or a drive for each of them. Backlash of a tendon goes with
-    its own drive; a motor has its play instead.
+    its own drive; a motor has its play instead. `changes` are those of every tendon;
+    `ends_only` is as for `simulate`.
 
     Raises
     ------
     NoBalanceError
         Where the machine finds no equilibrium.
     """
-    machine = _Machine(tendons, drive, end)
+    machine = _Machine(tendons, drive, end, changes)
     drives = [each.times for each in machine.drives]
-    others = [path.times for path, _ in tendons]
+    others = [path.times for path, _ in tendons] + [change.times for change in changes]
     if isinstance(end, Joint):
         others += [course[0] for course in (end.load, end.angle) if course is not None]
     grid, keep = grid_of(times, drives, others, max_step)
-    return machine.run(grid, keep, max_step)
+    return machine.run(grid, keep, max_step, ends_only)
 
 
 class _Machine:
-    def __init__(self, tendons, drive, end) -> None:
+    def __init__(self, tendons, drive, end, changes) -> None:
+        self.changes = changes
         self.paths, self.physics = [path for path, _ in tendons], [physics for _, physics in tendons]
         self.drive, self.end, self.motor = drive, end, drive if isinstance(drive, Motor) else None
         self.arms = end.arms(len(tendons))
@@ -123,13 +128,13 @@ class _Machine:
             raise ValueError(f"{len(tendons)} tendons, {len(self.drives)} drives: give as many")
         self.rest = np.array([physics.pretension_N for physics in self.physics])
 
-    def run(self, grid, keep, max_step) -> MachineRun:
+    def run(self, grid, keep, max_step, ends_only) -> MachineRun:
         """Run over a grid and return what is kept."""
         given = [
-            prepared(path, physics, drive, Distal("blocked"), grid, keep, max_step)
+            prepared(path, physics, drive, Distal("blocked"), grid, keep, max_step, self.changes)
             for path, physics, drive in zip(self.paths, self.physics, self.drives, strict=True)
         ]
-        rows = [records_for(path, int(keep.sum())) for path in self.paths]
+        rows = [records_for(path, int(keep.sum()), ends_only) for path in self.paths]
         self.chains = [
             Stepped(parts, imposed, row) for (parts, imposed, _), row in zip(given, rows, strict=True)
         ]

@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+from tssgeom.adapt.followed_tendon import FollowedTendon
 from tssgeom.adapt.follower import Follower
 from tssgeom.adapt.readings import Readings
+from tssgeom.adapt.rig_filter import RigFilter
 from tssgeom.errors import SettingsError, TssgeomError
 from tssgeom.tendon.command import Command
 from tssgeom.tendon.command_error import DistalErrors, Step
@@ -84,6 +86,7 @@ def _commanded(
     measured: Measured,
 ) -> tuple[Command, Commander]:
     elapsed = at.time - before.time if at.time is not None and at.time >= before.time else 0.0
+    assert isinstance(follower.carried, FollowedTendon)
     at = at._replace(arcs=follower.carried.felt(at.arcs))
     return commander.command(state, at, target, elapsed=elapsed, measured=measured)
 
@@ -91,7 +94,7 @@ def _commanded(
 def _followed(commander: Commander, follower: Follower) -> Commander:
     """Return the commander with the rig that is followed, and the errors of its filter."""
     now, route = follower.filter, follower.carried.sensed
-    assert now is not None
+    assert isinstance(now, RigFilter)
     assert route is not None
 
     def errors_after(displacement_in: float, tension_in: float) -> DistalErrors:
@@ -107,6 +110,8 @@ def _taken(follower: Follower, before: TendonState, at: Step, readings: Readings
     if at.time is None or not math.isfinite(at.time):
         raise SettingsError("a rig is followed over time: give the time of each frame [s]")
     now, carried = follower.begin(at.arcs, readings, before), follower.carried
+    assert isinstance(now, RigFilter)
+    assert isinstance(carried, FollowedTendon)
     since = now.time
     known = follower.take(at.arcs, readings, at.time, at.temperature)
     carried.refresh(now, known)

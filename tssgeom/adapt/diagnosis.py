@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from tssgeom.adapt.ensemble import Ensemble
 from tssgeom.adapt.hypotheses import Hypothesis, hypotheses
-from tssgeom.adapt.moments import Moment, RunFromHere
+from tssgeom.adapt.moments import Moment, RunFromHere, TendonFromHere
 from tssgeom.adapt.readings import noise_variance
 from tssgeom.adapt.rig_filter import RigFilter
 from tssgeom.adapt.watch import WATCH
@@ -33,7 +34,7 @@ class DiagnosisSettings(NamedTuple):
     machines leave less than 16, readings that make no sense more than 200."""
 
 
-_SETTINGS = DiagnosisSettings()
+DIAGNOSIS = DiagnosisSettings()
 SLICE = 8
 """Frames that a filter takes in between two frames of a stream [1]; measured: 3 ms."""
 
@@ -51,7 +52,7 @@ class Explanation:
     """Among those that were tried [1]."""
     sentence: str
     """In plain words, with its size."""
-    filter: RigFilter | None
+    filter: Ensemble | None
     """The rig with it, followed up to now, or without the sensor at fault; of the likeliest alone."""
 
 
@@ -74,8 +75,20 @@ class _Fit:
         return 0.5 * (float(np.linalg.slogdet(self.covariance)[1]) - self.chi2)
 
 
+class Means(NamedTuple):
+    """What the comparison of mechanisms needs of one tendon, or of a machine."""
+
+    run: Callable[[Any, Sequence[Moment]], RunFromHere]
+    """The last seconds after a filter."""
+    hypotheses: Callable[[Any, Sequence[Moment], float], Iterator[Hypothesis]]
+    stopped: Callable[[Any, Sequence[Moment]], tuple[str, str] | None]
+    """The sensor that stands while it should not, and that in words."""
+    may_mute: Callable[[RunFromHere, str], bool]
+    """Whether a channel can be left out."""
+
+
 def explained(
-    start: RigFilter, moments: Sequence[Moment], since: float
+    start: Ensemble, moments: Sequence[Moment], since: float, by: Means
 ) -> Iterator[tuple[Explanation, ...] | None]:
     """Yield None after each slice of work, and at last the explanations, the likeliest first.
 
@@ -87,6 +100,8 @@ def explained(
         What came in, before that too.
     since
         When it began [s].
+    by
+        How.
     """
     sound = start.copied()
     yield from _through(sound, [one for one in moments if start.time < one.time < since])
@@ -94,16 +109,16 @@ def explained(
     if not after:
         yield ()
         return
-    stopped = _stopped_sensor(sound, after)
+    stopped = by.stopped(sound, after)
     if stopped is not None:
         channel, words = stopped
         sound.muted.add(channel)
         yield from _through(sound, after)
         yield (Explanation("sensor", channel, 1.0, words, sound),)
         return
-    run = RunFromHere(sound, after)
+    run = by.run(sound, after)
     fits = list[_Fit]()
-    for hypothesis in hypotheses(sound, moments, since):
+    for hypothesis in by.hypotheses(sound, moments, since):
         for fit in _fitted(run, hypothesis):
             yield None
             if fit is not None:
@@ -112,8 +127,8 @@ def explained(
         yield ()
         return
     scale = max(1.0, min(fit.chi2 for fit in fits) / run.count)  # what the best one leaves, none explains
-    if scale > _SETTINGS.senseless:
-        where, without = _senseless(run, sound)
+    if scale > DIAGNOSIS.senseless:
+        where, without = _senseless(run, sound, by)
         if without is not None:
             yield from _through(without, after)
         words = f"{where} reads what no mechanism explains"
@@ -142,22 +157,22 @@ def explained(
     )
 
 
-def _senseless(run: RunFromHere, sound: RigFilter) -> tuple[str, RigFilter | None]:
+def _senseless(run: RunFromHere, sound: Ensemble, by: Means) -> tuple[str, Ensemble | None]:
     """Return which sensor reads what no mechanism gives, and the filter to go on with, if any, without it."""
     distances = run.distances(sound.rig_now())
-    far = [name for name, one in distances.items() if one > math.sqrt(_SETTINGS.senseless)]
-    drive = "tension_in_N" if run.by_force else "displacement_in_m"
+    far = [name for name, one in distances.items() if one > math.sqrt(DIAGNOSIS.senseless)]
+    drive = run.drives[0]
     if len(distances) == 1:  # it or the drive: either may be wrong
         return f"{next(iter(distances))} or {drive}", None
     where = far[0] if len(far) == 1 else drive
-    if where == drive and run.by_force:
+    if not by.may_mute(run, where):
         return where, None
     followed = sound.copied()
     followed.muted.add(where)
     return where, followed
 
 
-def _through(followed: RigFilter, moments: Sequence[Moment]) -> Iterator[None]:
+def _through(followed: Ensemble, moments: Sequence[Moment]) -> Iterator[None]:
     """Take a filter through moments, in slices."""
     for i, moment in enumerate(moments):
         followed.step(moment.arcs, moment.readings, moment.time, moment.warmth)
@@ -165,7 +180,7 @@ def _through(followed: RigFilter, moments: Sequence[Moment]) -> Iterator[None]:
             yield None
 
 
-def _followed(sound: RigFilter, best: _Fit) -> RigFilter:
+def _followed(sound: Ensemble, best: _Fit) -> Ensemble:
     """Return the filter with the numbers of the best fit followed too, from where they are."""
     one = best.hypothesis
     if one.mutes:
@@ -212,14 +227,21 @@ def _stopped_sensor(sound: RigFilter, after: Sequence[Moment]) -> tuple[str, str
     """Return the sensor at the drive that stands while the other one there moves, and that in words."""
     late = [one for one in after if one.time > after[0].time + WATCH.onset]
     pairs = [(one.readings.displacement_in, one.readings.tension_in) for one in late]
-    if len(pairs) < _SETTINGS.fewest or any(None in pair for pair in pairs):
+    if len(pairs) < DIAGNOSIS.fewest or any(None in pair for pair in pairs):
         return None
     names, units = ("displacement_in_m", "tension_in_N"), ("m", "N")
     readings = np.array(pairs, dtype=np.float64).T
     moved = np.ptp(readings, axis=1)
     noise = np.array([math.sqrt(noise_variance(sound.rig.sensors.get(name))) for name in names])
     for which, other in ((0, 1), (1, 0)):
-        if moved[which] <= _SETTINGS.still * noise[which] and moved[other] > _SETTINGS.moved * noise[other]:
+        if moved[which] <= DIAGNOSIS.still * noise[which] and moved[other] > DIAGNOSIS.moved * noise[other]:
             stands = f"{names[which]} stands at {readings[which, -1]:.4g} {units[which]}"
             return names[which], f"{stands} while {names[other]} moves by {moved[other]:.3g} {units[other]}"
     return None
+
+
+def _may_mute(run: RunFromHere, where: str) -> bool:
+    return where != "tension_in_N" or run.drives != (where,)
+
+
+OF_TENDON = Means(TendonFromHere, hypotheses, _stopped_sensor, _may_mute)

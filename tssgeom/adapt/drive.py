@@ -9,6 +9,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from tssgeom.arrays import Vector
+
 
 class DriveNoise(NamedTuple):
     """How noise of the drive is kept from turning the tendon."""
@@ -76,6 +78,15 @@ class DriveTracker:
         if turned or way * (value - self.value) > 0.0:
             self.value = value
         return noise
+
+    moves = True
+    """Whether it moves on for sure: its turns are errors of its value here."""
+    share = 1.0
+    """Standard error of its value, over that of a reading [1]: the same."""
+
+    def effect(self, higher: Vector, lower: Vector) -> Vector:
+        """Return what an error of it does, from what the probes read beside it."""
+        return 0.5 * (higher - lower)
 
     def repeated(self, slides: bool) -> float:
         """Return how many readings share the error of this one [1].

@@ -14,9 +14,10 @@ import numpy as np
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.effects import KINDS, AnyEffect
 from tssgeom.errors import SettingsError
-from tssgeom.rig import Follow, Rig, with_values
+from tssgeom.rig import Follow, Rig, Sensor, with_values
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.bars.model import model_of, setup_of
+from tssgeom.tendon.machine_stream import channels_of
 
 RIG_KEYS = (
     "friction.coefficient",
@@ -40,9 +41,22 @@ class DefaultDrift(NamedTuple):
 
 
 DEFAULT = DefaultDrift()
-_STEP = (
-    1e-3  # of the scale of a number, for its straight line [1]; chosen: rounding and bend are both far below
+MACHINE_KEYS = (
+    "drive.radius_m",
+    "drive.coupling",
+    "drive.play_rad",
+    "drive.friction_Nm",
+    "end.radius_m",
+    "end.stiffness_Nm_per_rad",
+    "end.gravity_Nm",
+    "end.friction_Nm",
+    "end.play_rad",
 )
+"""The same of a machine, beside `zero` and `gain` of each of its `sensors`."""
+SLOPE_STEP = 1e-3
+"""Share of the scale of a number for its straight line [1]; chosen: rounding and bend are both far below."""
+_LEAST_SHARE = 0.01  # of an arm or a gain, below which none goes [1]; chosen: far from any that works
+_OF_RIG = (*RIG_KEYS, *MACHINE_KEYS, "sensors.")
 _ZEROS = {"tension_in_N": "tension_in_offset.offset_N", "tension_out_N": "tension_out_offset.offset_N"}
 _OF_DISTAL_CELL = ("tension_out_gain.", "tension_out_offset.", "load_cell_crosstalk.")
 _SENSORS = 5  # numbers of `SensorNumbers`
@@ -105,14 +119,27 @@ def followed_numbers(rig: Rig, measured: Sequence[str]) -> tuple[FollowedNumber,
     SettingsError
         Where a key is none that can be followed.
     """
-    named = (rig.adapt or _friction(rig)) | {
-        key: Follow(sd=DEFAULT.zero_sd_N, hourly_change=DEFAULT.zero_hourly_N)
-        for channel, key in _ZEROS.items()
-        if channel in measured and key not in rig.adapt
-    }
-    if "tension_out_N" not in measured:
+    zeros = _machine_zeros(rig, measured) if rig.is_machine else _zeros(measured)
+    named = (rig.adapt or _friction(rig)) | {key: one for key, one in zeros.items() if key not in rig.adapt}
+    if "tension_out_N" not in measured and not rig.is_machine:
         named = {key: follow for key, follow in named.items() if not key.startswith(_OF_DISTAL_CELL)}
     return tuple(_number(rig, key, follow) for key, follow in named.items())
+
+
+def _zeros(measured: Sequence[str]) -> dict[str, Follow]:
+    zero = Follow(sd=DEFAULT.zero_sd_N, hourly_change=DEFAULT.zero_hourly_N)
+    return {key: zero for channel, key in _ZEROS.items() if channel in measured}
+
+
+def _machine_zeros(rig: Rig, measured: Sequence[str]) -> dict[str, Follow]:
+    """Return the zeros of tensions and of the torque of a motor, which pulls with its arm."""
+    zeros = dict[str, Follow]()
+    for channel in measured:
+        size = 1.0 if channel.startswith("tension_") else rig.drive.arm * (channel == "motor_torque_Nm")
+        if size > 0.0:
+            sd, hourly_change = size * DEFAULT.zero_sd_N, size * DEFAULT.zero_hourly_N
+            zeros[f"sensors.{channel}.zero"] = Follow(sd=sd, hourly_change=hourly_change)
+    return zeros
 
 
 def _friction(rig: Rig) -> dict[str, Follow]:
@@ -125,10 +152,13 @@ def _number(rig: Rig, key: str, follow: Follow) -> FollowedNumber:
     table, _, name = key.partition(".")
     if key in RIG_KEYS:
         return FollowedNumber(key, getattr(getattr(rig, table), name), *_drift(follow), 0.0, math.inf)
+    if rig.is_machine and (bounds := _machine_bounds(rig, key)) is not None:
+        value, lower, upper = bounds
+        return FollowedNumber(key, value, *_drift(follow), lower, upper)
     kind = KINDS.get(table)
     parameter = kind.parameters.get(name) if kind is not None else None
-    if parameter is None:
-        known = ", ".join(RIG_KEYS)
+    if parameter is None or (rig.is_machine and kind is not None and kind.hook == "observation"):
+        known = ", ".join(RIG_KEYS if not rig.is_machine else (*RIG_KEYS, *MACHINE_KEYS, "sensors.NAME.zero"))
         raise SettingsError(
             f"adapt.{key}: no number that can be followed: give {known}, or an effect and its parameter, "
             "as backlash.width_m (docs/formats.md, Rig)"
@@ -138,6 +168,22 @@ def _number(rig: Rig, key: str, follow: Follow) -> FollowedNumber:
         raise SettingsError(f"adapt.{key}: the rig has no effect {table}: add it as [[effects]]")
     value = parameter.centre if effect is None else getattr(effect, name)
     return FollowedNumber(key, value, *_drift(follow), parameter.lower, parameter.upper)
+
+
+def _machine_bounds(rig: Rig, key: str) -> tuple[float, float, float] | None:
+    """Return value and bounds of a number of a machine that can be followed; None where it is none."""
+    table, _, name = key.partition(".")
+    if table == "sensors":
+        channel, _, name = name.partition(".")
+        if name not in ("zero", "gain") or channel not in channels_of(rig):
+            return None
+        lower = -math.inf if name == "zero" else _LEAST_SHARE
+        return getattr(rig.sensors.get(channel, Sensor()), name), lower, math.inf
+    if key not in MACHINE_KEYS:
+        return None
+    value = getattr(getattr(rig, table), name)
+    lower = _LEAST_SHARE * value if name in ("radius_m", "coupling") else 0.0
+    return value, lower, math.inf
 
 
 def _drift(follow: Follow) -> tuple[float, float]:
@@ -152,7 +198,7 @@ def with_numbers(rig: Rig, values: Mapping[str, float]) -> Rig:
     SettingsError
         Where a value is out of bounds.
     """
-    of_rig = {key: value for key, value in values.items() if key in RIG_KEYS}
+    of_rig = {key: value for key, value in values.items() if key.startswith(_OF_RIG)}
     effects = list[AnyEffect](rig.effects)
     for key, value in values.items():
         if key in of_rig:
@@ -212,7 +258,7 @@ def straight_lines(
     plant, sensors = at(about)
     slope, sensor_slope = np.empty((len(about), len(plant))), np.empty((len(about), _SENSORS))
     for i, one in enumerate(numbers):
-        step = _STEP * one.scale
+        step = SLOPE_STEP * one.scale
         step = -step if about[i] + step > one.upper else step
         moved = about.copy()
         moved[i] += step

@@ -13,7 +13,7 @@ from tssgeom.adapt.readings import FollowedRig
 from tssgeom.adapt.rig_filter import RigFilter
 from tssgeom.arrays import Vector, read_only
 from tssgeom.core.constants_tendon_rows import MEMORY
-from tssgeom.rig import Rig, Sensor
+from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.bars.bar_state import BarState, to_corners
 from tssgeom.tendon.bars.model import Model, model_of, moved, setup_of
@@ -34,32 +34,9 @@ class CarrySettings(NamedTuple):
     sharper: float = 0.5
     """Of the standard error of Φ: a route that is known so much better replaces the one before [1].
     Chosen: as for a tendon that no filter follows."""
-    tension_noise_N: float = 0.05
-    """Noise of a tension whose sensor states none [N]. Chosen: as of coarse load cells of a laboratory."""
-    length_noise_m: float = 2e-5
-    """Noise of a position or an elongation whose sensor states none [m]. Chosen: as of coarse encoders."""
 
 
-_SETTINGS = CarrySettings()
-NOISE = {
-    "tension_in_N": _SETTINGS.tension_noise_N,
-    "tension_out_N": _SETTINGS.tension_noise_N,
-    "displacement_in_m": _SETTINGS.length_noise_m,
-    "elongation_m": _SETTINGS.length_noise_m,
-}
-"""Noise that is assumed where a rig states none, by channel [N, m]."""
-
-
-def with_noise(rig: Rig) -> tuple[Rig, frozenset[str]]:
-    """Return a rig with a noise for each channel, and the channels for which it is assumed."""
-    stated = rig.sensors
-    lacking = {
-        name for name in NOISE if name not in stated or not (stated[name].noise or stated[name].resolution)
-    }
-    assumed = {
-        name: msgspec.structs.replace(stated.get(name, Sensor()), noise=NOISE[name]) for name in lacking
-    }
-    return msgspec.structs.replace(rig, sensors={**stated, **assumed}), frozenset(lacking)
+CARRY = CarrySettings()
 
 
 def memory_on(state: TendonState, arcs: Arcs, rig: Rig) -> tuple[Memory, float] | None:
@@ -103,7 +80,7 @@ class FollowedTendon:
         """Return the route on which the tendon lies: as before where it has not moved beyond its errors."""
         known = self._sensed
         if known is not None and known is not arcs and unmoved(known, arcs):
-            arcs = arcs if arcs.total_angle_se < _SETTINGS.sharper * known.total_angle_se else known
+            arcs = arcs if arcs.total_angle_se < CARRY.sharper * known.total_angle_se else known
         self._sensed = arcs
         return arcs
 
@@ -113,8 +90,8 @@ class FollowedTendon:
 
     def refresh(self, now: RigFilter, known: FollowedRig) -> None:
         """Build the rig anew where its numbers have changed, or where that was long ago."""
-        at, is_new = self._at, now.time < self._since + _SETTINGS.refresh
-        if is_new and at is not None and (np.abs(known.values - at) <= _SETTINGS.moved * known.se).all():
+        at, is_new = self._at, now.time < self._since + CARRY.refresh
+        if is_new and at is not None and (np.abs(known.values - at) <= CARRY.moved * known.se).all():
             return
         self.rig = msgspec.structs.replace(now.rig_now(), sensors=self._first.sensors)
         self._at, self._since = known.values, now.time

@@ -6,22 +6,20 @@ import math
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import NamedTuple
-
-import msgspec
+from typing import Any, NamedTuple
 
 from tssgeom.adapt.alert import Alert, Cause
-from tssgeom.adapt.diagnosis import SLICE, Explanation, explained
-from tssgeom.adapt.followed import followed_numbers
-from tssgeom.adapt.followed_tendon import NOISE, FollowedTendon, memory_on, with_noise
+from tssgeom.adapt.diagnosis import SLICE, Explanation
+from tssgeom.adapt.ensemble import Ensemble
+from tssgeom.adapt.kinds import kind_of, remarks
 from tssgeom.adapt.moments import Moment
-from tssgeom.adapt.readings import CHANNELS, FollowedRig, Readings
-from tssgeom.adapt.rig_filter import RigFilter
-from tssgeom.adapt.saved import SavedFilter, captured
+from tssgeom.adapt.readings import FollowedRig
+from tssgeom.adapt.saved_filters import Saved
 from tssgeom.adapt.watch import WATCH, Watch
 from tssgeom.errors import SettingsError, TssgeomError
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
+from tssgeom.tendon.machine_stream import CarriedMachine
 from tssgeom.tendon.state import TendonState
 
 
@@ -58,12 +56,13 @@ class Follower:
         A filter of this rig to go on with.
     """
 
-    def __init__(self, rig: Rig, *, seed: int = 0, saved: SavedFilter | None = None) -> None:
+    def __init__(self, rig: Rig, *, seed: int = 0, saved: Saved | None = None) -> None:
         self._first, self._seed = rig, seed
-        self._assumed, self._warnings = frozenset[str](), tuple[str, ...]()
-        self._filter: RigFilter | None = None
-        self._watch = Watch(CHANNELS)
-        self._copies = deque[RigFilter]()
+        self._warnings = tuple[str, ...]()
+        self._kind = kind_of(rig)
+        self._filter: Ensemble | None = None
+        self._watch = Watch(self._kind.channels)
+        self._copies = deque[Ensemble]()
         self._moments = deque[Moment]()
         self._alert: Alert | None = None
         self._concluded = False
@@ -71,12 +70,10 @@ class Follower:
         self._alarmed = self._disagreed = math.nan
         self._compared = 0
         self._work: Iterator[tuple[Explanation, ...] | None] | None = None
-        self._next: Iterator[RigFilter | None] | None = None
+        self._next: Iterator[Ensemble | None] | None = None
         self._coldest = math.nan
-        self.carried = FollowedTendon(rig)
-        """The mean tendon and its rig, as streams carry them."""
-        self.measured: tuple[str, ...] = ()
-        """Tensions that the first frame measured."""
+        self.carried = self._kind.carried()
+        """The mean tendon, or machine, and its rig, as streams carry them."""
         self.known: FollowedRig | None = None
         """What is known after the last frame."""
         if saved is not None:
@@ -87,15 +84,15 @@ class Follower:
         """The rig as it is now."""
         if self._filter is None:
             return self._first
-        return msgspec.structs.replace(self._filter.rig_now(), sensors=self._first.sensors)
+        return self._kind.stated(self._filter.rig_now())
 
     @property
-    def taken(self) -> Readings:
+    def taken(self) -> Any:
         """What was used of the readings of the last frame."""
         return self._moments[-1].readings
 
     @property
-    def filter(self) -> RigFilter | None:
+    def filter(self) -> Ensemble | None:
         """The filter; None before the first frame."""
         return self._filter
 
@@ -109,7 +106,7 @@ class Follower:
         """What had to be assumed, a sentence each."""
         return self._warnings
 
-    def begin(self, arcs: Arcs, readings: Readings, state: TendonState | None = None) -> RigFilter:
+    def begin(self, arcs: Arcs, readings: Any, state: TendonState | CarriedMachine | None = None) -> Ensemble:
         """Return the filter; it begins with the first frame, on its route, with the history of its tendon.
 
         Raises
@@ -118,49 +115,27 @@ class Follower:
             Where what is to be followed cannot be.
         """
         if self._filter is None:
-            in_measured = readings.tension_in is not None and not readings.commanded
-            measured = (in_measured, readings.tension_out is not None)
-            self.measured = tuple(
-                name for name, is_given in zip(CHANNELS[:2], measured, strict=True) if is_given
-            )
-            self._filter = self._new_filter(arcs, self.measured)
-            before = None if state is None else memory_on(state, arcs, self._first)
-            if before is not None:
-                self._filter.memory[:], self._filter.position[:] = before[0].block, before[1]
-            self._warnings = self._assumptions(readings)
+            self._filter = self._kind.begin(arcs, readings, state, self._seed)
+            self._warnings = remarks(self._kind, readings)
         return self._filter
 
-    def _assumptions(self, readings: Readings) -> tuple[str, ...]:
-        given = readings._asdict()
-        return tuple(
-            f"sensors.{name}.noise is not stated: {NOISE[name]:g} {name.rpartition('_')[2]} is assumed"
-            for name in sorted(self._assumed)
-            if given[name.rpartition("_")[0]] is not None
-        )
-
-    def _new_filter(self, arcs: Arcs, measured: tuple[str, ...]) -> RigFilter:
-        rig, self._assumed = with_noise(self._first)
-        return RigFilter(rig, followed_numbers(rig, measured), arcs, seed=self._seed)
-
-    def _go_on(self, saved: SavedFilter) -> None:
-        rig, self._assumed = with_noise(self._first)
-        self._filter, self.measured, self._coldest = saved.restored(rig), saved.measured, saved.coldest
+    def _go_on(self, saved: Saved) -> None:
+        self._filter, self._kind.measured = saved.restored(self._kind.with_noise()[0]), saved.measured
+        self._coldest = saved.coldest
         self.carried.restart(saved.sensed, self.rig)
         self._alert, self._disagreed = saved.alert, saved.disagreed
         self._concluded = saved.alert is not None  # what it would be compared by is gone
 
-    def saved(self) -> SavedFilter | None:
+    def saved(self) -> Saved | None:
         """Return what a filter needs to go on after a restart; None before the first frame."""
         now = self._filter
         if now is None or math.isnan(now.time):
             return None
         sensed = now.cut if self.carried.sensed is None else self.carried.sensed
-        kept = captured(now, with_noise(self._first)[0], sensed, self.measured, self._coldest)
+        kept = self._kind.captured(now, sensed, self._coldest)
         return replace(kept, alert=self._alert, disagreed=self._disagreed)
 
-    def take(
-        self, arcs: Arcs, readings: Readings, time: float, temperature: float | None = None
-    ) -> FollowedRig:
+    def take(self, arcs: Arcs, readings: Any, time: float, temperature: float | None = None) -> FollowedRig:
         """Take in a frame.
 
         Raises
@@ -173,8 +148,7 @@ class Follower:
         now = self.begin(arcs, readings)
         if not math.isnan(now.time) and not time > now.time:
             raise SettingsError(f"time goes from {now.time:g} to {time:g} s: give increasing times")
-        if "displacement_in_m" in now.muted and readings.tension_in is not None:
-            readings = readings._replace(displacement_in=None)
+        readings = self._kind.usable(readings, now.muted)
         if temperature is not None and math.isnan(self._coldest):
             self._coldest = temperature
         warmth = 0.0 if temperature is None else temperature - self._coldest
@@ -187,11 +161,11 @@ class Follower:
         self._compare(self.known, time)
         return self.known
 
-    def kept(self) -> RigFilter | None:
+    def kept(self) -> Ensemble | None:
         """Return the filter as it is, for `go_back`."""
         return None if self._filter is None else self._filter.copied()
 
-    def go_back(self, kept: RigFilter | None) -> None:
+    def go_back(self, kept: Ensemble | None) -> None:
         """Forget the frame that came since the filter was `kept`."""
         self._filter = kept
         self._moments.pop()
@@ -259,7 +233,7 @@ class Follower:
         assert self._alert is not None
         sound = [one for one in self._copies if one.time <= self._alert.since - WATCH.onset]
         start = sound[-1] if sound else self._copies[0]
-        return explained(start, list(self._moments), self._alert.since)
+        return self._kind.explained(start, list(self._moments), self._alert.since)
 
     def _conclude(self, result: tuple[Explanation, ...]) -> None:
         assert self._alert is not None
@@ -270,7 +244,7 @@ class Follower:
         if self._concluded and following is not None and result[0].probability >= _SETTINGS.sure:
             self._next = self._caught_up(following)
 
-    def _caught_up(self, following: RigFilter) -> Iterator[RigFilter | None]:
+    def _caught_up(self, following: Ensemble) -> Iterator[Ensemble | None]:
         """Let the likeliest mechanism take in the frames that came while it was sought; yield it at last."""
         while True:
             waiting = [one for one in self._moments if one.time > following.time]
@@ -283,7 +257,7 @@ class Follower:
                 yield following
             yield None
 
-    def _adopt(self, following: RigFilter) -> None:
+    def _adopt(self, following: Ensemble) -> None:
         """Go on with a filter in whose rig the likeliest mechanism is."""
         self._filter, self._next = following, None
         self._copies.clear()
@@ -295,7 +269,7 @@ class Follower:
         """Return what the drive did at a time."""
         before = [one for one in self._moments if one.time <= since]
         pair = before[-10:] if len(before) > 1 else list(self._moments)[:10]
-        drive = [one.readings.displacement_in or one.readings.tension_in or 0.0 for one in pair]
+        drive = [self._kind.drive(one.readings) for one in pair]
         moved = drive[-1] - drive[0] if drive else 0.0
         if abs(moved) < 10 * _SETTINGS.stands_by:
             return "hold"

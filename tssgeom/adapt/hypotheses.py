@@ -39,12 +39,14 @@ class HypothesisSettings(NamedTuple):
     zero: float = 1.0
     """Standard deviation of a zero that moved, and of its further change in an hour [N]. Chosen: some per
     cent of what cells of 20 to 50 N span."""
+    zero_noises: float = 30.0
+    """The same of a channel of a machine, over its noise [1]. Chosen: 1 N of a cell with a noise of 30 mN."""
     turn: float = 1.0
     """Time within which a sensed angle changes where the sensor is at fault [s]; chosen: routes move
     slower."""
 
 
-_TRIED = HypothesisSettings()
+TRIED = HypothesisSettings()
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,45 +98,45 @@ def hypotheses(sound: RigFilter, moments: Sequence[Moment], since: float) -> Ite
         rig,
     )
     if not any(isinstance(effect, FrictionLaw) for effect in rig.effects):
-        parts = tuple(FollowedNumber(f"part {i}", 1.0, 0.5, 0.0, 0.0, 10.0) for i in range(_TRIED.parts))
+        parts = tuple(FollowedNumber(f"part {i}", 1.0, 0.5, 0.0, 0.0, 10.0) for i in range(TRIED.parts))
         yield Hypothesis(
             "friction_over_time",
             "on a part of the route",
             parts,
             "friction on its quarters is {:.2g}, {:.2g}, {:.2g}, {:.2g} of what it was",
             rig,
-            _TRIED.imitators_last,
+            TRIED.imitators_last,
             length,
         )
-    if _turned(moments, since):
+    if turned(moments, since):
         yield Hypothesis(
             "sensed_angle",
             "shape",
             (number("route.angle_gain", rig.route.angle_gain, 0.3, 0.1),),
             "the sensed angle changed and the tendon did not feel it: true over sensed is {:.3g}",
             rig,
-            _TRIED.shape_first,
+            TRIED.shape_first,
         )
     yield Hypothesis(
         "strain_over_time",
         "along the tendon",
         (
             number("tendon.compliance_per_N", compliance, 0.5 * compliance, 1e-6),
-            number("pretension_error.error_N", 0.0, _TRIED.length / (compliance * length)),
+            number("pretension_error.error_N", 0.0, TRIED.length / (compliance * length)),
         ),
         f"1/EA went from {compliance:.3g} to {{:.3g}} 1/N, the pretension by {{:+.3g}} N",
         rig,
     )
     if not any(isinstance(effect, HiddenBend) for effect in rig.effects):
-        for i in range(_TRIED.bends):
-            at = length * (i + 0.5) / _TRIED.bends
+        for i in range(TRIED.bends):
+            at = length * (i + 0.5) / TRIED.bends
             yield Hypothesis(
                 "route_angle",
                 f"{at:.2f} m from the proximal end",
                 (number("hidden_bend.angle_rad", 0.0, 0.8, 0.0),),
                 "a bend of {:.2g} rad that the shape does not show",
                 msgspec.structs.replace(rig, effects=(*rig.effects, HiddenBend(at_m=at, angle_rad=0.0))),
-                -math.log(_TRIED.bends),
+                -math.log(TRIED.bends),
             )
     yield Hypothesis(
         "play_at_drive",
@@ -148,7 +150,7 @@ def hypotheses(sound: RigFilter, moments: Sequence[Moment], since: float) -> Ite
             yield Hypothesis(
                 "sensor",
                 channel,
-                (number(f"{end}_offset.offset_N", 0.0, _TRIED.zero, hourly=_TRIED.zero),),
+                (number(f"{end}_offset.offset_N", 0.0, TRIED.zero, hourly=TRIED.zero),),
                 f"the zero of {channel} is {{:+.3g}} N",
                 rig,
             )
@@ -161,15 +163,15 @@ def hypotheses(sound: RigFilter, moments: Sequence[Moment], since: float) -> Ite
                 ),
                 f"{channel} reads {{:+.2g}} of its value and {{:+.3g}} N too much",
                 rig,
-                _TRIED.imitators_last,
+                TRIED.imitators_last,
                 mutes=True,
             )
 
 
-def _turned(moments: Sequence[Moment], since: float) -> bool:
+def turned(moments: Sequence[Moment], since: float) -> bool:
     """Whether the sensed angle jumped before or when the disagreement began."""
-    near = [one for one in moments if one.time < since + _TRIED.turn]
+    near = [one for one in moments if one.time < since + TRIED.turn]
     times = np.array([one.time for one in near])
     angles = np.array([one.arcs.total_angle for one in near])
-    later = np.minimum(np.searchsorted(times, times + _TRIED.turn), len(times) - 1)
-    return bool(np.abs(angles[later] - angles).max() > _TRIED.of_route * angles[0])
+    later = np.minimum(np.searchsorted(times, times + TRIED.turn), len(times) - 1)
+    return bool(np.abs(angles[later] - angles).max() > TRIED.of_route * angles[0])

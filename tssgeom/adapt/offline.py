@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 
+from tssgeom.adapt.ensemble import Ensemble
 from tssgeom.adapt.follower import Alert, Follower
+from tssgeom.adapt.machine_readings import MachineReadings, channels_read
 from tssgeom.adapt.readings import CHANNELS, FollowedRig, Readings, noise_variance
-from tssgeom.adapt.rig_filter import RigFilter
 from tssgeom.adapt.smoothing import NumberHistory, SmoothedNumbers
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.errors import FitError, SettingsError
+from tssgeom.mechanism import tendon_count
 from tssgeom.result import Result
 from tssgeom.rig import Rig
+from tssgeom.tendon.machine_simulation import drive_channels, drive_of, with_torque
 from tssgeom.tendon.moving import MovingRoute
 
 _SLICE = 3e-3  # of work on an alert [s]; measured: eight frames of each mechanism
@@ -38,6 +41,20 @@ class RunColumns(NamedTuple):
     """[m]."""
     temperature: Vector | None = None
     """[°C]."""
+
+
+class MachineColumns(NamedTuple):
+    """Columns of the run of a machine, [n] each; NaN where a reading is missing."""
+
+    time: Vector
+    """[s]."""
+    channels: Mapping[str, Vector]
+    """What was measured, by channel."""
+
+    @property
+    def temperature(self) -> None:
+        """None: temperature does not act on a machine."""
+        return None
 
 
 class AlertRow(NamedTuple):
@@ -83,6 +100,8 @@ class FollowedRun(Result):
     """What is known at the end."""
     lost: int
     """Rows in which the tendon has no equilibrium."""
+    channels: Mapping[str, Matrix] = field(default_factory=dict)
+    """[n, 2] Of a machine: what each channel should read, and its standard error, by name."""
 
     @property
     def keys(self) -> tuple[str, ...]:
@@ -110,17 +129,20 @@ class RunFollower:
         Where the rig states no noise for a channel, or nothing is measured beside the drive.
     """
 
-    def __init__(self, rig: Rig, route: MovingRoute, columns: RunColumns, *, seed: int = 0) -> None:
+    def __init__(
+        self, rig: Rig, route: MovingRoute, columns: RunColumns | MachineColumns, *, seed: int = 0
+    ) -> None:
         _check(rig, columns)
         self._follower, self._route, self._columns = Follower(rig, seed=seed), route, columns
         n = len(columns.time)
         self._ends, self._ends_se = np.full((n, 4), math.nan), np.full((n, 4), math.nan)
         self._histories = list[tuple[tuple[str, ...], NumberHistory]]()
-        self._filter: RigFilter | None = None
+        self._filter: Ensemble | None = None
         self._smoothed = -math.inf
         self._alert: Alert | None = None
         self._alerts = list[AlertRow]()
         self._lost = 0
+        self._channels = dict[str, Matrix]()
 
     def rows(self) -> Iterator[int]:
         """Follow the run; yield after each row its index.
@@ -131,14 +153,12 @@ class RunFollower:
             Where the tendon finds no equilibrium in any row.
         """
         run, before = self._columns, math.nan
-        channels = (run.tension_in, run.displacement_in, run.tension_out, run.elongation)
         for i, time in enumerate(run.time.tolist()):
-            tension_in, displacement_in, tension_out, elongation = (_reading(one, i) for one in channels)
-            readings = Readings(tension_in, displacement_in, tension_out, elongation)
+            arcs = self._route.at(time)
+            if isinstance(run, MachineColumns):
+                arcs = self._follower.carried.lies_on(arcs)
             try:
-                known = self._follower.take(
-                    self._route.at(time), readings, time, _reading(run.temperature, i)
-                )
+                known = self._follower.take(arcs, _readings(run, i), time, _reading(run.temperature, i))
             except FitError:
                 self._lost += 1
                 if self._follower.known is None and i + 1 == len(run.time):
@@ -167,6 +187,7 @@ class RunFollower:
             self._follower.rig,
             self._follower.known,
             self._lost,
+            self._channels,
         )
 
     def _keep(self, row: int, time: float, known: FollowedRig) -> None:
@@ -184,6 +205,10 @@ class RunFollower:
             self._histories[-1][1].take(time, known.values, known.covariance)
             self._smoothed = time
         self._ends[row], self._ends_se[row] = known.ends, known.ends_se
+        for name, pair in known.read.items():
+            if name not in self._channels:
+                self._channels[name] = np.full((len(self._ends), 2), math.nan)
+            self._channels[name][row] = pair
 
     def _note_alert(self, time: float) -> None:
         alert = self._follower.alert
@@ -204,11 +229,23 @@ class RunFollower:
         self._alerts.append(row)
 
 
+def _readings(run: RunColumns | MachineColumns, row: int) -> Readings | MachineReadings:
+    if isinstance(run, MachineColumns):
+        values = {name: float(column[row]) for name, column in run.channels.items()}
+        return MachineReadings({name: value for name, value in values.items() if not math.isnan(value)})
+    channels = (run.tension_in, run.displacement_in, run.tension_out, run.elongation)
+    tension_in, displacement_in, tension_out, elongation = (_reading(one, row) for one in channels)
+    return Readings(tension_in, displacement_in, tension_out, elongation)
+
+
 def _reading(channel: Vector | None, row: int) -> float | None:
     return None if channel is None or math.isnan(channel[row]) else float(channel[row])
 
 
-def _check(rig: Rig, run: RunColumns) -> None:
+def _check(rig: Rig, run: RunColumns | MachineColumns) -> None:
+    if isinstance(run, MachineColumns):
+        _check_machine(rig, run)
+        return
     by_force = run.displacement_in is None
     drive, beside = ("tension_in_N", 1) if by_force else ("displacement_in_m", 0)
     columns = (run.tension_in, run.tension_out, run.elongation)
@@ -218,7 +255,24 @@ def _check(rig: Rig, run: RunColumns) -> None:
             f"the run has {drive} and no reading beside it: to follow a rig, add a column tension_in_N, "
             "tension_out_N or elongation_m that does not drive"
         )
-    for name in (drive, *measured):
+    _require_noise(rig, (drive, *measured))
+
+
+def _check_machine(rig: Rig, run: MachineColumns) -> None:
+    count = tendon_count(rig.drive, rig.end)
+    known = channels_read(rig)
+    drives = drive_channels(drive_of(with_torque(run.channels, rig), count), count)
+    measured = [name for name in known if name in run.channels and name not in drives]
+    if not measured:
+        raise SettingsError(
+            f"the run has {', '.join(drives)} and no reading beside it: to follow a rig, add a channel that "
+            "answers (docs/machines.md)"
+        )
+    _require_noise(rig, [name for name in (*drives, *measured) if name in run.channels])
+
+
+def _require_noise(rig: Rig, channels: Sequence[str]) -> None:
+    for name in channels:
         if noise_variance(rig.sensors.get(name)) == 0.0:
             raise SettingsError(
                 f"the rig states no noise of {name}: to follow a rig, add [sensors.{name}] noise (standard "

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -41,7 +42,7 @@ class FollowedRig:
     covariance: Matrix
     """[d, d]"""
     ends: Vector
-    """[4] T_in, T_out [N], x_in, x_out [m]."""
+    """[4] T_in, T_out [N], x_in, x_out [m], of a machine those of tendon 1."""
     ends_se: Vector
     """[4]"""
     off: Vector
@@ -50,6 +51,9 @@ class FollowedRig:
     """[channels] Its standard deviation [N, m]."""
     beyond: Vector
     """[channels] How far a reading is off, over the most that noise, rig and drive explain at once [1]."""
+
+    read: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    """Of a machine: what each channel should read, and its standard error, by name."""
 
     @property
     def se(self) -> Vector:

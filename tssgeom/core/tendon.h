@@ -202,13 +202,29 @@ ENTRY int64_t tss_step_ensemble(
     OUT double after[n][9 * (k + 1) + 7], OUT double ends[n][4], WORK double own[16 * (k + 1) + 428],
     WORK double pieces[6][p + 2 * m], WORK double work[24][k + 1]);
 
+/** Step c machines of n tendons, whose plants are straight lines over d numbers; docs/model.md (201), (175).
+
+`slope` [d] is what 1 of each number adds to the plants of all tendons, `shift` [c, d] how far the numbers of each
+machine are from those of the plants. All else is as for `march_machine`, for one sample and with a row for each
+machine. Returns how many were stepped, fewer where one finds no equilibrium; the memories of the tendons; the
+coordinates; and T_in, T_out [N], x_in, x_out [m] of each tendon. */
+ENTRY int64_t tss_step_machines(
+    int64_t c, int64_t n, int64_t k, int64_t d, const double plant[n][16 * (k + 1) + 428],
+    const double slope[d][n * (16 * (k + 1) + 428)], const double shift[c][d],
+    const double memory[c][n * (9 * (k + 1) + 7)], int64_t m, const double proximal[c][n * m],
+    const double distal[c][n * m], const double stiffness[c][m], const double gravity[c][2 * m],
+    const double friction[c], const double at_rest[c][m], const double start[c][m], int64_t by_force,
+    const double drive[c][n], const double end[c][n], const double load[c][m], double span, double warmth,
+    OUT double after[c][n * (9 * (k + 1) + 7)], OUT double coordinate[c][m], OUT double ends[c][4 * n],
+    WORK double own[n][16 * (k + 1) + 428], WORK double work[21][k + 1]);
+
 /** Shift n members by c readings, one after the other, as an ensemble square-root filter; docs/model.md (203).
 
-`numbers` [n, d], `memory` [n] and `predicted` [n, c] of each member are changed. A reading of NaN is none, and
-one further off than `most_off` standard deviations is an outlier. Returns how many were used, and the innovation
-of each and its variance. */
+`numbers` [n, d], `memory` [n] of t tendons and `predicted` [n, c] of each member are changed. A reading of NaN is
+none, and one further off than `most_off` standard deviations is an outlier. Returns how many were used, and the
+innovation of each and its variance. */
 ENTRY int64_t tss_assimilate(
-    int64_t n, int64_t k, int64_t d, int64_t c, INOUT double numbers[n][d],
-    INOUT double memory[n][9 * (k + 1) + 7], INOUT double predicted[n][c], const double reading[c],
+    int64_t n, int64_t t, int64_t k, int64_t d, int64_t c, INOUT double numbers[n][d],
+    INOUT double memory[n][t * (9 * (k + 1) + 7)], INOUT double predicted[n][c], const double reading[c],
     const double variance[c], double most_off, OUT double innovation[c][2],
-    WORK double work[9 * (k + 1) + 7 + d + c]);
+    WORK double work[t * (9 * (k + 1) + 7) + d + c]);

@@ -97,6 +97,14 @@ void put_on_route(
     int64_t k, const double edge[], double *plant, int64_t p, const double length[], const double angle[],
     int64_t m, const double bends[][3], double *pieces, double *work);
 
+/* The plant of one member of an ensemble: that of the middle, and straight lines over what is followed, `width`
+   apart; docs/model.md (201). */
+void set_plant(
+    int64_t k, int64_t d, const double *middle, const double *slope, int64_t width, const double shift[],
+    double *own);
+/* The cones of its contacts, exact over friction. */
+void set_cones_of(int64_t k, double *own);
+
 /* Bring the chain into equilibrium; returns the solves spent, and the residual [N]. */
 int64_t equilibrium(bar_chain *chain, int hanging, int64_t from_before, int64_t from_guess, double *residual);
 /* Set slip and tight as they would be on a fixed route; exact there, for force and for position. */

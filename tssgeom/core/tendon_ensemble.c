@@ -5,18 +5,17 @@
 
 #include <string.h>
 
-/* The plant of one member: that of the middle, and straight lines over what is followed; (201). */
-static void set_plant(
-    int64_t k, int64_t d, const double *middle, const double *slope, const double shift[], double *own) {
-    int64_t b = k + 1, rows = 16 * b + PLANT.curved, size = 16 * b + 428;
+void set_plant(
+    int64_t k, int64_t d, const double *middle, const double *slope, int64_t width, const double shift[],
+    double *own) {
+    int64_t b = k + 1, rows = 16 * b + PLANT.curved;
     memcpy(own, middle, plant_bytes(k));
     for (int64_t a = 0; a < d; a++)
-        for (int64_t i = 0; i < rows; i++) own[i] += slope[a * size + i] * shift[a];
+        for (int64_t i = 0; i < rows; i++) own[i] += slope[a * width + i] * shift[a];
     own[16 * b + PLANT.swift] = 0.0; /* a reading moves contacts too */
 }
 
-/* The cones of its contacts, exact over friction. */
-static void set_cones_of(int64_t k, double *own) {
+void set_cones_of(int64_t k, double *own) {
     int64_t b = k + 1;
     for (int64_t i = 0; i < k; i++) {
         double pulling = own[LAW.pulling * b + i] = most(0.0, own[LAW.pulling * b + i]);
@@ -37,7 +36,7 @@ int64_t tss_step_ensemble(
     if (k < 2 || p == 0) return 0;
     for (int64_t j = 0; j < n; j++) {
         double read[6];
-        set_plant(k, d, plant, slope[0], shift[j], own);
+        set_plant(k, d, plant, slope[0], 16 * (k + 1) + 428, shift[j], own);
         memcpy(after[j], memory[j], memory_bytes(k));
         if (moved) {
             for (int64_t i = 0; i < p; i++) pieces[5][i] = angle[i] * gain[j];
@@ -56,10 +55,11 @@ int64_t tss_step_ensemble(
 }
 
 int64_t tss_assimilate(
-    int64_t n, int64_t k, int64_t d, int64_t c, double numbers[n][d], double memory[n][9 * (k + 1) + 7],
-    double predicted[n][c], const double reading[c], const double variance[c], double most_off,
-    double innovation[c][2], double work[9 * (k + 1) + 7 + d + c]) {
-    int64_t b = k + 1, size = 9 * b + 7, used = 0;
+    int64_t n, int64_t t, int64_t k, int64_t d, int64_t c, double numbers[n][d],
+    double memory[n][t * (9 * (k + 1) + 7)], double predicted[n][c], const double reading[c],
+    const double variance[c], double most_off, double innovation[c][2],
+    double work[t * (9 * (k + 1) + 7) + d + c]) {
+    int64_t b = k + 1, own = 9 * b + 7, size = t * own, used = 0;
     double *of_memory = work, *of_numbers = work + size, *of_predicted = work + size + d;
     for (int64_t h = 0; h < c; h++) {
         double mean = 0.0, spread = 0.0;
@@ -77,15 +77,20 @@ int64_t tss_assimilate(
             for (int64_t i = 0; i < d; i++) of_numbers[i] += numbers[j][i] * y;
             for (int64_t i = 0; i < c; i++) of_predicted[i] += predicted[j][i] * y;
         }
-        for (int64_t i = 0; i < b; i++) of_memory[MEMORY.slip * b + i] = 0.0, of_memory[MEMORY.speed * b + i] = 0.0;
-        double *held = of_memory + 9 * b;
-        held[HELD.drive] = held[HELD.warmth] = held[HELD.rate] = held[HELD.time] = 0.0;
+        for (int64_t a = 0; a < t; a++) {
+            double *of_tendon = of_memory + a * own, *held = of_tendon + 9 * b;
+            memset(of_tendon + MEMORY.slip * b, 0, (size_t)b * sizeof(double));
+            memset(of_tendon + MEMORY.speed * b, 0, (size_t)b * sizeof(double));
+            held[HELD.drive] = held[HELD.warmth] = held[HELD.rate] = held[HELD.time] = 0.0;
+        }
         for (int64_t j = 0; j < n; j++) { /* docs/model.md (203) */
             double by = off - share * (predicted[j][h] - mean);
             for (int64_t i = 0; i < size; i++) memory[j][i] += of_memory[i] * by;
             for (int64_t i = 0; i < d; i++) numbers[j][i] += of_numbers[i] * by;
             for (int64_t i = 0; i < c; i++) predicted[j][i] += of_predicted[i] * by;
-            for (int64_t i = 0; i < b; i++) memory[j][i] = most(0.0, memory[j][i]);
+            for (int64_t a = 0; a < t; a++)
+                for (int64_t i = 0; i < b; i++)
+                    memory[j][a * own + i] = most(0.0, memory[j][a * own + i]);
         }
     }
     return used;

@@ -142,10 +142,32 @@ static double largest(int64_t m, const double left[]) {
     return result;
 }
 
+/* Go along a Newton step to where the forces along it have fallen by half, which they do: the map is monotone;
+   docs/model.md (175). Returns whether there is such a point: `next`, with the forces left there. */
+static int along(
+    const sample *it, const double z[], const double step[], double next[], double left[], double slope[],
+    double *scale) {
+    double first = row_dot(it->m, left, step), low = 0.0, high = INFINITY, at_low = first, share = 1.0;
+    if (!(first > 0.0)) return 0;
+    for (int64_t cut = 0; cut < SOLVER.trials; cut++) {
+        for (int64_t a = 0; a < it->m; a++) next[a] = z[a] + share * step[a];
+        double rate = try_all(it, next, left, slope, scale) ? row_dot(it->m, left, step) : -INFINITY;
+        if (fabs(rate) <= 0.5 * first) return 1;
+        if (rate > 0.0) low = share, at_low = rate;
+        else high = share;
+        if (!(high < INFINITY)) share *= 2.0;
+        else {
+            double part = isfinite(rate) ? at_low / (at_low + fabs(rate)) : 0.5;
+            share = low + within(part, 0.1, 0.9) * (high - low);
+        }
+    }
+    return 0;
+}
+
 /* Move the coordinates to where all forces balance; returns whether they do; docs/model.md (175). */
 static int solve_balance(const sample *it, double z[]) {
     int64_t m = it->m;
-    double left[MOST], slope[MOST * MOST], step[MOST] = {0.0}, next[MOST], scale;
+    double left[MOST], slope[MOST * MOST], step[MOST] = {0.0}, next[MOST], held[MOST], scale;
     double low = -INFINITY, high = INFINITY; /* of one coordinate: its force falls as it grows */
     if (!try_all(it, z, left, slope, &scale)) return 0;
     sample moving = *it;
@@ -156,28 +178,42 @@ static int solve_balance(const sample *it, double z[]) {
         it = &moving;
     }
     for (int64_t turn = 0; turn < SOLVER.trials; turn++) {
-        double worst = largest(m, left);
+        double worst = largest(m, left), most_left = 1e3 * ROUNDING.relative * scale;
         if (worst <= ROUNDING.relative * scale) return 1;
         if (m == 1 && left[0] > 0.0) low = most(low, z[0]);
         if (m == 1 && left[0] < 0.0) high = least(high, z[0]);
-        solve_step(m, slope, left, step);
-        int better = 0;
-        for (double share = 1.0; share > ROUNDING.relative && !better; share *= 0.5) {
-            for (int64_t a = 0; a < m; a++) next[a] = z[a] + step[a];
-            if (m == 1 && step[0] == 0.0) next[0] = z[0] + (worst > 0.0 && low >= z[0] ? 1.0 : -1.0);
-            if (m == 1 && !(low < next[0] && next[0] < high)) {
-                next[0] = 0.5 * (low + high);
-                if (!isfinite(next[0])) return 0;
-            }
-            if (!try_all(it, next, left, slope, &scale)) return 0;
-            better = m == 1 || largest(m, left) < worst;
-            for (int64_t a = 0; a < m; a++) step[a] *= 0.5;
+        memcpy(held, left, sizeof held);
+        solve_step(m, slope, held, step);
+        if (m > 1) {
+            if (!along(it, z, step, next, left, slope, &scale)) return worst <= most_left;
+            memcpy(z, next, (size_t)m * sizeof(double));
+            continue;
         }
-        if (!better) return worst <= 1e3 * ROUNDING.relative * scale;
-        if (m == 1 && next[0] == z[0]) return largest(m, left) <= 1e3 * ROUNDING.relative * scale;
-        memcpy(z, next, (size_t)m * sizeof(double));
+        next[0] = z[0] + step[0];
+        if (step[0] == 0.0) next[0] = z[0] + (worst > 0.0 && low >= z[0] ? 1.0 : -1.0);
+        if (!(low < next[0] && next[0] < high)) next[0] = 0.5 * (low + high);
+        if (!isfinite(next[0]) || !try_all(it, next, left, slope, &scale)) return 0;
+        if (next[0] == z[0]) break;
+        z[0] = next[0];
     }
     return largest(m, left) <= 1e3 * ROUNDING.relative * scale;
+}
+
+/* Read T_in, T_out [N], x_in, x_out [m] of every tendon after a sample with the coordinates z. */
+static void read_ends(const sample *it, const double z[], double ends[]) {
+    int64_t k = it->k, m = it->m;
+    double unused;
+    for (int64_t i = 0; i < it->n; i++) {
+        bar_laws laws = laws_of(k, it->plant + i * (16 * (k + 1) + 428));
+        bar_memory kept = memory_of(k, it->trial + i * (9 * (k + 1) + 7));
+        double *row = ends + 4 * i, moved = it->end[i], pulled = it->drive[i];
+        for (int64_t a = 0; a < m; a++)
+            moved += it->distal[i * m + a] * z[a], pulled += it->proximal[i * m + a] * z[a];
+        if (it->by_force)
+            pulled = kept.displacement[0] + stretch_of(&laws, 0, kept.tension[0], &unused) - laws.rest[0]
+                     - kept.rest[0];
+        row[0] = kept.tension[0], row[1] = kept.tension[k], row[2] = pulled, row[3] = moved;
+    }
 }
 
 int64_t tss_march_machine(
@@ -188,7 +224,7 @@ int64_t tss_march_machine(
     const double spans[s], const double drive[s][n], const double end[s][n], const double load[s][m],
     const double warmth[s], int64_t rows, double after[n][9 * (k + 1) + 7], double coordinate[s][m],
     double ends[s][4 * n], double profile[rows][n * (k + 1)], double trial[n][9 * (k + 1) + 7], double work[21][k + 1]) {
-    double z[MOST] = {0.0}, *turned = *coordinate, *read_out = *ends, unused;
+    double z[MOST] = {0.0}, *turned = *coordinate, *read_out = *ends;
     for (int64_t i = 0; i < s * m; i++) turned[i] = NAN;
     for (int64_t i = 0; i < 4 * s * n; i++) read_out[i] = NAN;
     memcpy(*after, *memory, (size_t)n * memory_bytes(k));
@@ -207,17 +243,40 @@ int64_t tss_march_machine(
         if (!solve_balance(&it, z)) return g;
         memcpy(*after, *trial, (size_t)n * memory_bytes(k));
         for (int64_t a = 0; a < m; a++) coordinate[g][a] = z[a];
-        for (int64_t i = 0; i < n; i++) {
-            bar_laws laws = laws_of(k, plant[i]);
-            bar_memory kept = memory_of(k, after[i]);
-            double *row = ends[g] + 4 * i, moved = end[g][i], pulled = drive[g][i];
-            for (int64_t a = 0; a < m; a++) moved += distal[i][a] * z[a], pulled += proximal[i][a] * z[a];
-            if (by_force)
-                pulled = kept.displacement[0] + stretch_of(&laws, 0, kept.tension[0], &unused) - laws.rest[0]
-                         - kept.rest[0];
-            if (rows > 0) memcpy(profile[g] + i * (k + 1), kept.tension, (size_t)(k + 1) * sizeof(double));
-            row[0] = kept.tension[0], row[1] = kept.tension[k], row[2] = pulled, row[3] = moved;
-        }
+        read_ends(&it, z, ends[g]);
+        if (rows > 0)
+            for (int64_t i = 0; i < n; i++)
+                memcpy(profile[g] + i * (k + 1), after[i], (size_t)(k + 1) * sizeof(double));
     }
     return s;
+}
+
+int64_t tss_step_machines(
+    int64_t c, int64_t n, int64_t k, int64_t d, const double plant[n][16 * (k + 1) + 428],
+    const double slope[d][n * (16 * (k + 1) + 428)], const double shift[c][d],
+    const double memory[c][n * (9 * (k + 1) + 7)], int64_t m, const double proximal[c][n * m],
+    const double distal[c][n * m], const double stiffness[c][m], const double gravity[c][2 * m],
+    const double friction[c], const double at_rest[c][m], const double start[c][m], int64_t by_force,
+    const double drive[c][n], const double end[c][n], const double load[c][m], double span, double warmth,
+    double after[c][n * (9 * (k + 1) + 7)], double coordinate[c][m], double ends[c][4 * n],
+    double own[n][16 * (k + 1) + 428], double work[21][k + 1]) {
+    int64_t size = 16 * (k + 1) + 428;
+    if (k < 2 || n < 1 || m > MOST || !isfinite(span + warmth)) return 0;
+    for (int64_t j = 0; j < c; j++) {
+        double sum = 0.0;
+        for (int64_t i = 0; i < n; i++) sum += drive[j][i] + end[j][i];
+        for (int64_t a = 0; a < m; a++) sum += load[j][a], coordinate[j][a] = start[j][a];
+        if (!isfinite(sum)) return j;
+        for (int64_t i = 0; i < n; i++) {
+            set_plant(k, d, plant[i], *slope + i * size, n * size, shift[j], own[i]);
+            set_cones_of(k, own[i]);
+        }
+        sample it = {
+            n, k, m, *own, proximal[j], distal[j], stiffness[j], gravity[j], at_rest[j], drive[j], end[j],
+            load[j], (int)by_force, m == 1 ? friction[j] : 0.0, 0.0, most(BAR.least_time, span), warmth,
+            memory[j], after[j], work[20], work[0]};
+        if (!solve_balance(&it, coordinate[j])) return j;
+        read_ends(&it, coordinate[j], ends[j]);
+    }
+    return c;
 }

@@ -187,11 +187,16 @@ def on_routes(machine: Machine, state: MachineState, routes: Sequence[Arcs]) -> 
     """Move a machine to other routes: each bar keeps its tension, or its slack; docs/model.md (218)."""
     moved = machine_of(machine.rig, routes, len(machine.edge) - 1 - 2 * HALVINGS)
     memory = state.memory.copy()
-    for row, before, now in zip(memory, machine.plants, moved.plants, strict=True):
-        each = Memory(row)
-        each.rest[:] += now.stretch(each.tension) - now.rows[LAW.rest]
-        each.rest[:] -= before.stretch(each.tension) - before.rows[LAW.rest]
+    shift_rests(memory, machine, moved)
     return moved, state._replace(memory=memory)
+
+
+def shift_rests(memory: Matrix, before: Machine, now: Machine) -> None:
+    """Let memories [n, …] of tendons keep their tensions on the routes of another machine; (218)."""
+    for row, one, other in zip(memory, before.plants, now.plants, strict=True):
+        each = Memory(row)
+        each.rest[:] += other.stretch(each.tension) - other.rows[LAW.rest]
+        each.rest[:] -= one.stretch(each.tension) - one.rows[LAW.rest]
 
 
 def held_tensions(machine: Machine, start: Start | None = None) -> Matrix:

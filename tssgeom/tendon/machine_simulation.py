@@ -130,7 +130,7 @@ def simulated(
     if before is None:
         before = begun(machine, drive or drive_of(run, machine.count), run["time_s"], start)
     name, rig, time = before.drive, machine.rig, run["time_s"]
-    driven, recent = _on_clock(run, before, _driving(run, name, machine), rig.drive.lag_s)
+    driven, recent = on_clock(run, before.recent, _driving(run, name, machine), rig.drive.lag_s)
     run = {**run, **driven}
     motor, engaged, given = _given(machine, run, before)
     moved, laws, load = _end(run, machine.coordinates, rig, end_given)
@@ -298,8 +298,8 @@ def _outcome(motion: Coordinates, angles: Matrix, ends: np.ndarray, before: Mach
     return torque
 
 
-def _on_clock(
-    run: Mapping[str, Vector], before: MachineHistory, names: Sequence[str], lag: float
+def on_clock(
+    run: Mapping[str, Vector], before: Matrix | None, names: Sequence[str], lag: float
 ) -> tuple[dict[str, Vector], Matrix | None]:
     """Return drives on the clock of what answers, and what was recorded of them that acts later; (178).
 
@@ -308,8 +308,8 @@ def _on_clock(
     if lag == 0.0:
         return {}, None
     recorded = np.column_stack([run["time_s"], *(run[name] for name in names)])
-    if before.recent is not None:
-        recorded = np.vstack([before.recent, recorded])
+    if before is not None:
+        recorded = np.vstack([before, recorded])
     at = run["time_s"] + lag
     driven = {name: np.interp(at, recorded[:, 0], recorded[:, i]) for i, name in enumerate(names, start=1)}
     acted = np.searchsorted(recorded[:, 0], at[-1], side="right")

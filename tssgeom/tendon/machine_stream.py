@@ -150,24 +150,24 @@ def moved_machine(
     target = readings.get(JOINT_TARGET)
     run = dict(with_torque({name: np.array([value]) for name, value in readings.items()}, rig))
     run["time_s"] = np.array([time])
-    drive, is_driven = _driven(run, before, rig, machine.count, target)
+    drive, is_driven = driven_by(run, before, rig, machine.count, target)
     if before is None:
         before = begun(machine, drive, run["time_s"])
     if not is_driven and target is None:
-        run |= _held(drive, machine, tension_in)
+        run |= held_drive(drive, machine, tension_in)
     end_given = rig.end.given == "angle" and "joint_angle_rad" in run
     elapsed = 0.0 if state.history is None else max(time - state.time, 0.0)
     command = None
     if not is_driven and target is not None:
-        command = _command(machine, before, run, target, elapsed, may_wait)
+        command = command_of(machine, before, run, target, elapsed, may_wait)
         run["motor_angle_rad"] = np.array([command.motor_angle])
     done = simulated(machine, run, end_given=end_given, before=before)
     if is_driven and target is not None:
-        command = _command(machine, done.history, run, target, elapsed, may_wait)
+        command = command_of(machine, done.history, run, target, elapsed, may_wait)
     channels = {name: float(values[0]) for name, values in done.channels.items()}
     _check(done.history, drive)
     after = CarriedMachine(machine, route, done.history, state.way)
-    tendon, ends = _first_tendon(after, machine, done.history, channels, shared)
+    tendon, ends = first_tendon(after, machine, done.history, channels, shared)
     after = replace(after, way=ends.direction_index)
     return MachineMoment(after, channels, command, tendon, ends, is_driven or target is not None)
 
@@ -184,7 +184,7 @@ def _on_route(state: CarriedMachine, arcs: Arcs, rig: Rig) -> tuple[Machine, Arc
     return machine, arcs, history._replace(state=tendons)
 
 
-def _driven(
+def driven_by(
     run: Mapping[str, Vector], before: MachineHistory | None, rig: Rig, count: int, target: float | None
 ) -> tuple[DriveName, bool]:
     """Return what drives, and whether the frame brings it.
@@ -223,7 +223,7 @@ def _check(history: MachineHistory, drive: str) -> None:
         raise SettingsError(f"{drive} makes a tension of {most:.3g} N: check its unit")
 
 
-def _held(drive: DriveName, machine: Machine, tension_in: float) -> dict[str, Vector]:
+def held_drive(drive: DriveName, machine: Machine, tension_in: float) -> dict[str, Vector]:
     """Return the drive of a frame that brings none: `tension_in` [N] of all tendons, or a drive at rest.
 
     Raises
@@ -239,7 +239,7 @@ def _held(drive: DriveName, machine: Machine, tension_in: float) -> dict[str, Ve
     raise SettingsError(f"no {names[0]}, which drove before: give it in each frame, or begin anew")
 
 
-def _command(
+def command_of(
     machine: Machine,
     history: MachineHistory,
     run: Mapping[str, Vector],
@@ -256,7 +256,7 @@ def _command(
     return MachineCommand(read, following.joint, following.reached, following.limited, following.waits)
 
 
-def _first_tendon(
+def first_tendon(
     after: CarriedMachine,
     machine: Machine,
     history: MachineHistory,

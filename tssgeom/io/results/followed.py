@@ -70,7 +70,14 @@ def write_followed(path: Path, run: FollowedRun) -> None:
 
 
 def followed_table(run: FollowedRun) -> pa.Table:
-    """Return both ends in each row of the run, with standard errors; see `FOLLOWED`."""
+    """Return both ends in each row of the run, with standard errors; see `FOLLOWED`.
+
+    Of a machine they are all channels.
+    """
+    if run.channels:
+        fields = [each for name in run.channels for each in _with_error(name, f"{name.replace('_', ' ')}")]
+        columns = [one for pair in run.channels.values() for one in pair.T]
+        return _table(pa.schema([FOLLOWED.field("time_s"), *fields]), [run.time, *columns])
     ends = [each[:, i] for i in range(len(_ENDS)) for each in (run.ends, run.ends_se)]
     return _table(FOLLOWED, [run.time, *ends, run.ends[:, 2] - run.ends[:, 3]])
 
@@ -119,10 +126,24 @@ def _table(schema: pa.Schema, columns: Sequence[Vector | list[Any]]) -> pa.Table
     )
 
 
+_UNITS = {
+    "_Nm_per_rad": "N·m/rad",
+    "_Nm": "N·m",
+    "_A": "A",
+    "_N_per_m": "N/m",
+    "_per_N": "1/N",
+    "_N": "N",
+    "_m": "m",
+    "_rad": "rad",
+}
+
+
 def _unit(key: str) -> str:
     """Return the unit at the end of a key, 1 where there is none."""
     name = key.partition(".")[2]
-    for ending, unit in (("_N_per_m", "N/m"), ("_per_N", "1/N"), ("_N", "N"), ("_m", "m"), ("_rad", "rad")):
+    if key.startswith("sensors.") and key.endswith(".zero"):
+        name = name.removesuffix(".zero")
+    for ending, unit in _UNITS.items():
         if name.endswith(ending):
             return unit
     return "1"

@@ -111,6 +111,9 @@ def _name_alerts(axes: Axes, run: FollowedRun, per: float) -> None:
 
 def _words(key: str) -> tuple[str, str, float]:
     """Return name, unit and factor of a number by its key: `tension_in_offset.offset_N`."""
+    if key.startswith("sensors.") and key.endswith(".zero"):
+        channel = quantity(key.removeprefix("sensors.").removesuffix(".zero"))
+        return f"zero of {channel.symbol}", channel.unit, channel.factor
     table, _, name = key.partition(".")
     words = {"coefficient": "friction μ", "angle_gain": "angle gain", "gain_error": table.replace("_", " ")}
     for ending, (unit, factor) in _UNITS.items():

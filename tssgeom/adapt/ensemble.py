@@ -1,0 +1,272 @@
+"""What filters of a rig share: members with numbers of their own, which readings shift all together.
+
+Source: docs/model.md (200) to (205); J. S. Whitaker and T. M. Hamill, Ensemble data assimilation without
+perturbed observations, Monthly Weather Review 130 (2002).
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+
+from tssgeom import core
+from tssgeom.adapt.drive import DriveTracker
+from tssgeom.adapt.followed import FollowedNumber, limits_of, with_numbers
+from tssgeom.adapt.readings import FollowedRig, mean_and_sd
+from tssgeom.adapt.trailed_drive import TrailedDrive
+from tssgeom.arrays import Matrix, Vector
+from tssgeom.core.constants import CHANCE
+from tssgeom.rig import Rig
+from tssgeom.route.pieces import Arcs
+
+
+class FilterSettings(NamedTuple):
+    """Numbers of the filter."""
+
+    members: int = 64
+    """Tendons [1]. Chosen: the error of a correlation of two of them is an eighth."""
+    commanded: int = 32
+    """Of them, those that show what a command does [1]. Chosen: its standard errors are known to an eighth,
+    and it takes half of the time."""
+    drift_interval: float = 0.05
+    """Time between two additions of drift [s]. Chosen: small beside any phase of a motion."""
+    bent: float = 0.3
+    """Share of its noise by which an error of the drive may bend a reading that is used [1]. Chosen: just
+    behind a turn the tension is no straight line over the drive, and its mean would be biased."""
+    stands: float = 0.1
+    """Share of what an error of the drive did to T_out when it moved last, from which on the distal end moves
+    [1]. Chosen: behind a turn the distal bar still moves by a thousandth."""
+    straight: float = 2.0
+    """Scales of a number after which its straight line is computed anew [1]. Chosen: friction is exact,
+    (201)."""
+    least_noise: float = 1e-6
+    """Noise of a channel that states none [N, m]. Chosen: below every sensor."""
+    first_span: float = 1e-2
+    """Time that the first step takes [s]; chosen: only effects over time feel it."""
+
+
+SETTINGS = FilterSettings()
+PROBES = 2
+"""Members for each drive that show what an error of it does [1]; derived: one either way."""
+
+
+class Taken(NamedTuple):
+    """What readings have made of the members."""
+
+    values: Matrix
+    """[members, c + e] What each channel should read, and the ends."""
+    channels_by_drive: Vector
+    """[c] What errors of the drives do to the channels."""
+    ends_by_drive: Vector
+    """[e] The same of the ends."""
+    innovation: Matrix
+    """[c, 2] Readings less what was expected, and the variance of that."""
+    beyond: Vector
+    """[c] As in `FollowedRig`."""
+
+
+class Ensemble(ABC):
+    """Members of a filter, each with its own numbers.
+
+    Parameters
+    ----------
+    rig
+        The rig; its `sensors` state the noise of each channel.
+    numbers
+        What is followed.
+    seed
+        Of the numbers at the start and of the drift.
+    """
+
+    def __init__(self, rig: Rig, numbers: Sequence[FollowedNumber], seed: int) -> None:
+        self.rig, self.numbers = rig, tuple(numbers)
+        self.random = np.random.default_rng(seed)
+        sd = np.array([one.sd for one in numbers])
+        self.members = np.array([one.value for one in numbers]) + self._deviations(SETTINGS.members, sd, [])
+        self.time = math.nan
+        self.cut: Arcs
+        """The route on which the tendons were cut."""
+        self.muted = set[str]()
+        """Channels whose readings are not used."""
+        self.outlier = CHANCE.never
+        self.waiting = 0.0
+        self.memory: Matrix = np.empty((0, 0))
+        """[members + probes, ...] What the tendons of each remember."""
+        self._distal_error: Matrix = np.empty((0, 0))
+        """[drives, distal ends] What the error of each drive did to what stands when it moved last."""
+        self._noise_variance: Vector = np.empty(0)
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """What is followed."""
+        return tuple(one.key for one in self.numbers)
+
+    @property
+    def values(self) -> Vector:
+        """[d] The numbers as they are now."""
+        return self.members.sum(axis=0) / len(self.members)
+
+    def rig_now(self) -> Rig:
+        """Return the rig with the followed numbers as they are now."""
+        return with_numbers(self.rig, dict(zip(self.keys, self.values.tolist(), strict=True)))
+
+    def copied(self) -> Self:
+        """Return a filter that goes on from here by itself."""
+        other = copy.copy(self)
+        for name, value in vars(self).items():
+            if isinstance(value, np.ndarray | set | np.random.Generator | dict):
+                setattr(other, name, copy.deepcopy(value))
+        return other
+
+    def with_more(self, more: Sequence[FollowedNumber], rig: Rig) -> Self:
+        """Return a filter that goes on from here and follows further numbers of a rig too."""
+        other = self.copied()
+        other.rig, other.numbers = rig, (*self.numbers, *more)
+        value, sd = np.array([(one.value, one.sd) for one in more]).reshape(-1, 2).T
+        spread = other._deviations(len(self.members), sd, self._known())
+        other.members = np.hstack((self.members, value + spread))
+        other._bound()
+        other._renew_lines()
+        return other
+
+    def reopen(self, sds: Vector) -> None:
+        """Let the numbers have at least these standard deviations [d] again: what is known of them is old."""
+        now = self.members.std(axis=0, ddof=1)
+        missing = np.sqrt(np.maximum(sds**2 - now**2, 0.0))
+        self.members = self.members + self._deviations(len(self.members), missing, self._known())
+        self._bound()
+
+    def set_numbers(self, values: Mapping[str, float], sds: Mapping[str, float]) -> None:
+        """Set some numbers to other values with these standard deviations, uncorrelated with all else."""
+        chosen = [i for i, key in enumerate(self.keys) if key in values]
+        keys = [self.keys[i] for i in chosen]
+        known = [*np.delete(self.members, chosen, axis=1).T, *self._tensions()]
+        spread = self._deviations(len(self.members), np.array([sds[key] for key in keys]), known)
+        self.members[:, chosen] = np.array([values[key] for key in keys]) + spread
+        self._bound()
+        self._update_lines()
+
+    @abstractmethod
+    def step(self, arcs: Arcs, readings: Any, time: float, warmth: float = 0.0) -> FollowedRig:
+        """Move the drives of all members, and shift them by what was read; as the filters have it."""
+
+    @abstractmethod
+    def _tensions(self) -> Matrix:
+        """Return the tension of each member at the ends of its tendons [ends, members] [N]."""
+
+    @abstractmethod
+    def _renew_lines(self) -> None:
+        """Draw the straight lines about the numbers as they are now; docs/model.md (201)."""
+
+    @abstractmethod
+    def about(self) -> Vector:
+        """Return the numbers about which plants are straight lines [d]."""
+
+    def _known(self) -> list[Vector]:
+        return [*self.members.T, *self._tensions()]
+
+    def _update_lines(self) -> None:
+        """Draw the straight lines about other values where the numbers went far."""
+        off = np.abs(self.values - self.about())
+        if (off > SETTINGS.straight * limits_of(self.numbers).scale).any():
+            self._renew_lines()
+
+    def _take_in(
+        self,
+        after: Matrix,
+        predicted: Matrix,
+        ends: Matrix,
+        given: Vector,
+        trackers: Sequence[DriveTracker | TrailedDrive],
+        *,
+        bars: int,
+        pulls: Sequence[int] = (),
+        distal: Sequence[int] = (),
+    ) -> Taken:
+        """Shift numbers and memories by what was read; docs/model.md (202), (203).
+
+        Parameters
+        ----------
+        after
+            [members + probes, ...] Memories after the step.
+        predicted, ends
+            What each channel should read [members + probes, c], and all else that a reading shifts.
+        given
+            [c] What was read; NaN is nothing.
+        trackers
+            The drives.
+        bars
+            Of each tendon.
+        pulls, distal
+            Columns of `ends`: tensions that show whether a drive moves the distal ends, and all that stands
+            where it does not.
+        """
+        count, pairs = len(self.members), (len(trackers), PROBES, -1)
+        probes = predicted[count:].reshape(pairs) - predicted[0]
+        by_drive = np.array([one.effect(*each) for one, each in zip(trackers, probes, strict=True)])
+        ends_by_drive = np.abs(ends[count:] - ends[0]).reshape(pairs).max(axis=1)
+        bends = [np.abs(each.sum(axis=0)) for one, each in zip(trackers, probes, strict=True) if one.moves]
+        bent = 0.5 * np.max(bends, axis=0, initial=0.0)
+        farthest = np.abs(probes).max(axis=1)
+        mean, spread = mean_and_sd(predicted[:count])
+        most = self._noise_variance + spread**2 + (farthest**2).sum(axis=0)
+        beyond = np.abs(given - mean) / np.sqrt(most)
+        given = np.where(bent > SETTINGS.bent * np.sqrt(self._noise_variance), math.nan, given)
+        variance = self._noise_variance.copy()
+        for i, tracker in enumerate(trackers):
+            ends_by_drive[i] *= tracker.share
+            was = self._distal_error[i] if len(distal) else np.empty(0)
+            slides = bool((ends_by_drive[i, list(pulls)] > SETTINGS.stands * was[: len(pulls)]).any())
+            if not slides:  # what stands has the error of when it moved last
+                ends_by_drive[i, list(distal)] = was
+            variance += tracker.repeated(slides) * by_drive[i] ** 2
+        whole = np.ascontiguousarray(np.hstack((predicted, ends))[:count])
+        _, innovation = core.assimilate(
+            after.shape[1] // (9 * bars + 7),
+            bars - 1,
+            self.members,
+            after[:count],
+            whole,
+            np.concatenate((given, np.full(ends.shape[1], math.nan))),
+            np.concatenate((variance, np.ones(ends.shape[1]))),
+            self.outlier,
+        )
+        self.memory, self._distal_error = after, ends_by_drive[:, list(distal)]
+        self._bound()
+        self._update_lines()
+        channels, moved = (np.sqrt((each**2).sum(axis=0)) for each in (by_drive, ends_by_drive))
+        return Taken(whole, channels, moved, innovation[: len(given)], beyond)
+
+    def _covariance(self) -> tuple[Vector, Matrix]:
+        """Return the numbers as they are now [d], and their covariance [d, d]."""
+        values = self.values
+        deviation = self.members - values
+        return values, deviation.T @ deviation / (len(self.members) - 1)
+
+    def _drift(self, span: float) -> None:
+        """Add what the numbers change by in a time, uncorrelated with what members differ in; (204)."""
+        self.waiting += span
+        if self.waiting < SETTINGS.drift_interval:
+            return
+        sd = np.array([one.hourly_change for one in self.numbers]) * math.sqrt(self.waiting / 3600.0)
+        self.waiting = 0.0
+        if sd.any():
+            self.members = self.members + self._deviations(len(self.members), sd, self._known())
+            self._bound()
+
+    def _deviations(self, count: int, sd: Vector, known: Sequence[Vector]) -> Matrix:
+        """Return [count, d] deviations of these sizes, uncorrelated in the sample with `known`."""
+        basis = np.linalg.qr(np.column_stack([np.ones(count), *known]))[0]
+        random = self.random.standard_normal((count, len(sd)))
+        random -= basis @ (basis.T @ random)
+        return np.linalg.qr(random)[0] * (math.sqrt(count - 1.0) * sd)
+
+    def _bound(self) -> None:
+        limits = limits_of(self.numbers)
+        np.maximum(self.members, limits.lower, out=self.members)
+        np.minimum(self.members, limits.upper, out=self.members)

@@ -1,0 +1,180 @@
+"""What the sensors of many machines read at once; docs/model.md (59), (62), (173), (178)."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from tssgeom.adapt.machine_lines import MachineNumbers
+from tssgeom.arrays import Matrix, Vector
+from tssgeom.mechanism import numbered, tip
+from tssgeom.rig import Rig
+from tssgeom.tendon.machine_stream import channels_of
+
+
+class MachineReadings(NamedTuple):
+    """What was measured of a machine at one time, by channel."""
+
+    values: Mapping[str, float]
+    commanded: bool = False
+    """Whether the drive is a command that counts as carried out: the true one, without noise."""
+
+
+@dataclass(frozen=True, slots=True)
+class Moved:
+    """Where many machines are after a step, with a row for each; None where a quantity is not there."""
+
+    ends: np.ndarray
+    """[machines, n, 4] T_in, T_out [N], x_in, x_out [m] of each tendon."""
+    coordinate: Matrix
+    """[machines, m] Coordinates of the end."""
+    motor: Vector | None
+    """[machines] Angle of the motor [rad]."""
+    given_angle: Vector | None
+    """[machines] Angle of the joint where that is given [rad]."""
+    motor_way: float
+    """Which way the motor went last [1]."""
+    joint_way: float
+    """Which way the joint went last, where its angle is given [1]."""
+
+    def with_rows(self, rows: Sequence[int], others: Moved) -> Moved:
+        """Return the same with some machines replaced by others."""
+
+        def replaced(one: np.ndarray | None, other: np.ndarray | None) -> Any:
+            if one is None or other is None:
+                return None
+            mixed = one.copy()
+            mixed[rows] = other
+            return mixed
+
+        arrays = ("ends", "coordinate", "motor", "given_angle")
+        mixed = {name: replaced(getattr(self, name), getattr(others, name)) for name in arrays}
+        return replace(self, **mixed)
+
+
+def channels_read(rig: Rig) -> tuple[str, ...]:
+    """Return the channels that a machine may compute, one tendon's elongation too."""
+    names = channels_of(rig)
+    return (*names, "elongation_m") if "displacement_in_m" in names else names
+
+
+def true_channels(rig: Rig, of: MachineNumbers, moved: Moved) -> dict[str, Vector]:
+    """Return the true value of each channel [machines], but for the play of the joint."""
+    ends, out = moved.ends, dict[str, Vector]()
+    n = ends.shape[1]
+    for row, name in enumerate(("tension_in_N", "tension_out_N", "displacement_in_m", "displacement_out_m")):
+        for which, channel in enumerate(numbered(name, n)):
+            out[channel] = ends[:, which, row]
+    if n == 1:
+        out["elongation_m"] = out["displacement_in_m"] - out["displacement_out_m"]
+    if moved.motor is not None:
+        torque = (ends[:, :, 0] * of.arms).sum(axis=1) + of.motor_friction[:, 0] * moved.motor_way
+        if rig.end.kind == "carried":
+            torque = torque - (ends[:, :, 1] * of.arms).sum(axis=1)
+        out |= {"motor_angle_rad": moved.motor, "motor_torque_Nm": torque}
+        if rig.drive.torque_constant_Nm_per_A > 0.0:
+            out["motor_current_A"] = torque / rig.drive.torque_constant_Nm_per_A
+    if rig.end.kind == "joint":
+        angle = moved.coordinate[:, 0] if moved.given_angle is None else moved.given_angle
+        out["joint_angle_rad"] = angle
+        if moved.given_angle is not None:
+            out["joint_torque_Nm"] = _held_torque(of, ends, angle, moved.joint_way)
+    if rig.end.kind == "segment":
+        bending = moved.coordinate[:, :2]
+        out["bending_x_rad"], out["bending_y_rad"] = bending.T
+        out["tip_x_m"], out["tip_y_m"], out["tip_z_m"] = tip(bending, rig.end).T
+    return out
+
+
+def _held_torque(of: MachineNumbers, ends: np.ndarray, angle: Vector, way: float) -> Vector:
+    """Return what acts on a joint whose angle is given: what is left of (173)."""
+    weight, at_rest = of.gravity.T
+    pull = ((ends[:, :, 1] - of.held_out) * of.distal).sum(axis=1)
+    turned = of.stiffness[:, 0] * angle + weight * (np.sin(angle + at_rest) - np.sin(at_rest))
+    return pull - turned - of.friction[:, 0] * way
+
+
+class SensorState:
+    """What plays and lagging sensors of many machines keep, as columns that readings shift.
+
+    Parameters
+    ----------
+    rig
+        The machine.
+    channels
+        In their order.
+    count
+        Number of machines.
+    """
+
+    def __init__(self, rig: Rig, channels: Sequence[str], count: int) -> None:
+        sensors = rig.sensors
+        self._lags = {
+            name: sensors[name].lag_s for name in channels if name in sensors and sensors[name].lag_s
+        }
+        self.block = np.full((count, 2 + 2 * len(self._lags)), np.nan)
+        """[machines, 2 + 2·lags] Motor and joint behind their plays [rad]; what each lagging channel is, and
+        what it reads."""
+
+    def begin(
+        self, motor: float | None, joint: float | None, lags: Mapping[str, tuple[float, float]]
+    ) -> None:
+        """Let all machines have these angles behind their plays [rad], and these lags."""
+        kept = [each for name in self._lags for each in lags.get(name, (np.nan, np.nan))]
+        self.block[:] = [np.nan if motor is None else motor, np.nan if joint is None else joint, *kept]
+
+    def with_block(self, block: Matrix) -> SensorState:
+        """Return the same with other columns."""
+        other = copy.copy(self)
+        other.block = block
+        return other
+
+    def copied(self) -> SensorState:
+        """Return the same, to go on by itself."""
+        return self.with_block(self.block.copy())
+
+    def engaged_motor(self, angle: Vector, play: Vector) -> Vector:
+        """Return angles of the motor behind the play [rad], and keep them; docs/model.md (59)."""
+        self.block[:, 0] = _engaged(angle, play, self.block[:, 0])
+        return self.block[:, 0]
+
+    def read(
+        self, true: Mapping[str, Vector], of: MachineNumbers, channels: Sequence[str], span: float
+    ) -> Matrix:
+        """Return what the sensors read after a time [s] of true values; NaN where a channel is not there."""
+        values = np.full((len(self.block), len(channels)), np.nan)
+        for i, name in enumerate(channels):
+            if (now := true.get(name)) is None:
+                continue
+            if name == "joint_angle_rad":
+                now = self.block[:, 1] = _engaged(now, of.joint_play[:, 0], self.block[:, 1])
+            values[:, i] = self._lagged(name, now, span) if name in self._lags else now
+        return of.gain * values + of.zero
+
+    def _lagged(self, name: str, now: Vector, span: float) -> Vector:
+        """Return what a sensor with a lag reads [machines], and keep it; docs/model.md (62)."""
+        at, lag = 2 + 2 * list(self._lags).index(name), self._lags[name]
+        before, read = self.block[:, at : at + 2].T
+        if np.isnan(read).any() or span <= 0.0:
+            read = now if np.isnan(read).any() else read.copy()
+        else:
+            behind = (now - before) / span * lag
+            read = now - behind + (read - before + behind) * np.exp(-span / lag)
+        self.block[:, at], self.block[:, at + 1] = now, read
+        return read
+
+    def means(self) -> tuple[float, float, dict[str, tuple[float, float]]]:
+        """Return motor and joint behind their plays, and what each lagging channel is and reads, as means."""
+        motor, joint, *lags = self.block.mean(axis=0).tolist()
+        pairs = zip(lags[::2], lags[1::2], strict=True)
+        return motor, joint, dict(zip(self._lags, pairs, strict=True))
+
+
+def _engaged(angle: Vector, play: Vector, before: Vector) -> Vector:
+    if np.isnan(before).any():
+        return angle.copy()
+    return np.minimum(np.maximum(before, angle), angle + play)

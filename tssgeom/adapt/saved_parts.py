@@ -1,0 +1,127 @@
+"""Parts of saved filters: arrays, drives, generators and alerts, as JSON has them."""
+
+from __future__ import annotations
+
+import base64
+import math
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from tssgeom.adapt.alert import Alert
+from tssgeom.adapt.drive import DriveTracker
+from tssgeom.adapt.ensemble import Ensemble
+from tssgeom.arrays import Matrix, Vector
+from tssgeom.core.constants_tendon_rows import HELD, MEMORY
+from tssgeom.errors import SettingsError
+from tssgeom.route.pieces import Arcs
+from tssgeom.tendon.capstan import MOST_TENSION
+from tssgeom.tendon.saved import route_object
+
+VERSION = 1
+"""Version of the objects of filters."""
+MOST = 1e12
+"""Most of any number; chosen: as of a tendon's."""
+_BITS = 128  # of each number of the random generator; its own
+
+
+def alert_of(saved: Mapping[str, Any], channels: Collection[str]) -> dict[str, Any]:
+    """Return the alert about one of some channels, which files of older programs do not have."""
+    alert = msgspec.convert(saved.get("alert"), Alert | None)
+    disagreed = msgspec.convert(saved.get("disagreed"), float | None)
+    require_sound(alert is None or (alert.channel in channels and disagreed is not None), "alert")
+    require_sound(disagreed is None or abs(disagreed) <= MOST, "disagreed")
+    return {"alert": alert, "disagreed": math.nan if disagreed is None else disagreed}
+
+
+def check_numbers(fresh: Ensemble, members: Matrix, about: Vector) -> None:
+    """Refuse numbers out of bounds, with a ValueError."""
+    lower, upper = (np.array([getattr(one, side) for one in fresh.numbers]) for side in ("lower", "upper"))
+    require_sound(bool(((members >= lower) & (members <= upper)).all()), "members out of bounds")
+    require_sound(bool(((about >= lower) & (about <= upper)).all()), "about out of bounds")
+
+
+def check_memory(memory: Matrix, contacts: int) -> None:
+    """Refuse memories of tendons [tendons, numbers] that cannot be, with a ValueError."""
+    bars = contacts + 1
+    require_sound(memory.shape[1] == len(MEMORY) * bars + len(HELD), "memory")
+    tension = memory[:, :bars]
+    require_sound(bool((tension >= 0.0).all() and (tension <= MOST_TENSION).all()), "tension")
+    slip = memory[:, MEMORY.slip * bars : MEMORY.slip * bars + contacts]
+    require_sound(bool(np.isin(slip, (-1.0, 0.0, 1.0)).all()), "slip")
+
+
+def drives_of(saved: Mapping[str, Any], names: Sequence[str]) -> dict[str, dict[str, float | None]]:
+    """Return what was kept of drives."""
+    of = vars(DriveTracker(0.0)).keys()
+    require_sound(tuple(saved) == tuple(names) and all(one.keys() == of for one in saved.values()), "drives")
+    for drive in saved.values():
+        for name, value in drive.items():
+            is_none = value is None and name == "_extreme"
+            require_sound(is_none or (isinstance(value, int | float) and abs(value) <= MOST), name)
+        require_sound(drive["_way"] in (-1, 1) and drive["_noise"] >= 0.0, "drives")
+    return {name: dict(drive) for name, drive in saved.items()}
+
+
+def random_of(now: Ensemble) -> tuple[int, int]:
+    """Return state and increment of the generator of a filter."""
+    random: Any = now.random.bit_generator.state["state"]
+    return random["state"], random["inc"]
+
+
+def set_random(now: Ensemble, random: tuple[int, int]) -> None:
+    """Set the generator of a filter to state and increment."""
+    now.random.bit_generator.state = {
+        "bit_generator": "PCG64",
+        "state": {"state": random[0], "inc": random[1]},
+        "has_uint32": 0,
+        "uinteger": 0,
+    }
+
+
+def random_numbers(saved: Any) -> tuple[int, int]:
+    """Return state and increment of a generator as they were written."""
+    state, increment = (int(text, 16) for text in saved)
+    require_sound(0 <= state < 1 << _BITS and 0 < increment < 1 << _BITS and increment % 2 == 1, "random")
+    return state, increment
+
+
+def require_sound(sound: bool, name: str) -> None:
+    """Raise a ValueError that names what is not sound."""
+    if not sound:
+        raise ValueError(name)
+
+
+def plain(value: Any) -> Any:
+    """Return a value as it goes into JSON."""
+    if isinstance(value, np.ndarray):
+        data = np.ascontiguousarray(value, dtype="<f8").tobytes()
+        return {"shape": list(value.shape), "float64": base64.b64encode(data).decode()}
+    if isinstance(value, dict):
+        return {name: plain(one) for name, one in value.items()}
+    if isinstance(value, Arcs):
+        return route_object(value)
+    if isinstance(value, float) and math.isnan(value):
+        return None
+    if isinstance(value, tuple | Alert):  # JSON has no NaN
+        return msgspec.json.decode(msgspec.json.encode(value))
+    return value
+
+
+def numbers_of(saved: Mapping[str, Any], *, may_lack: bool = False) -> Any:
+    """Return the array that `plain` wrote, of numbers that may be; NaN only where they `may_lack`."""
+    values = np.frombuffer(base64.b64decode(saved["float64"], validate=True), dtype="<f8")
+    values = values.reshape([int(size) for size in saved["shape"]]).astype(np.float64)
+    sound = (np.abs(values) <= MOST) | (may_lack & np.isnan(values))
+    require_sound(bool(sound.all()), "a number is not finite or too large")
+    return values
+
+
+def require_keys(saved: Mapping[str, Any], own: tuple[str, ...]) -> None:
+    """Refuse a filter of other numbers than the rig names, with a SettingsError."""
+    if tuple(saved["keys"]) != own:
+        raise SettingsError(
+            f"the saved filter follows {', '.join(saved['keys'])}, the rig {', '.join(own)}: it is not used"
+        )
