@@ -1,4 +1,4 @@
-"""Where a drive is that is read with noise, and what of its way is certain; docs/model.md (234).
+"""Where a drive is that is read with noise, and what of its way is certain; docs/model.md (239).
 
 Friction keeps every turn, those of noise too. So the state that is kept trails the drive by more than its
 noise, and each frame is a step from there to where the drive is by now, which noise may move to and fro.
