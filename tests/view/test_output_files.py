@@ -2,6 +2,7 @@
 
 import os
 import stat
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -32,3 +33,12 @@ def test_what_is_no_file_is_not_replaced(still: list[FrameResult], still_file: P
             write()
     assert stat.S_ISFIFO(pipe.stat().st_mode)
     assert list(tmp_path.iterdir()) == [pipe]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="counts the threads of the process")
+def test_recordings_that_are_written_keep_no_thread(still: list[FrameResult], tmp_path: Path) -> None:
+    counts = list[int]()
+    for number in range(8):
+        write_recording(tmp_path / f"{number}.rrd", "still", still, timed=False)
+        counts.append(len(os.listdir("/proc/self/task")))
+    assert counts[-1] <= counts[1]

@@ -27,6 +27,7 @@ from tssgeom.view.scene.camera import ASPECT, Camera, camera
 from tssgeom.view.scene.columns import Sender
 from tssgeom.view.scene.recording import send_pictures
 from tssgeom.view.scene.run import Run, send_numbers
+from tssgeom.view.scene.writer import send_layout
 
 _HEADROOM = 1.25  # of axes and of the camera's view, for frames to come
 
@@ -111,7 +112,7 @@ class LivePicture:
         self._camera = camera(everywhere, forward)
         more = followed_views(self._followed) if self._followed else None
         layout = blueprint(self.name, self._camera, timed=True, live=True, more=more)
-        self.recording.send_blueprint(layout)
+        send_layout(self.recording, layout)
 
 
 def _holds(current: Ranges, needed: Ranges) -> bool:

@@ -13,6 +13,7 @@ from uuid import uuid4
 
 import rerun as rr
 import rerun.blueprint as rrb
+from rerun_bindings import flush_and_cleanup_orphaned_recordings
 
 from tssgeom.atomic import replacing
 from tssgeom.errors import SourceError, require_replaceable
@@ -52,15 +53,42 @@ def recording_file(
         Where the file cannot be written; SpaceError where the disk is full.
     """
     require_address_space(EACH)
+    flush_and_cleanup_orphaned_recordings()  # of earlier ones; Rerun keeps their threads and their memory
     with (
         replacing(path) as draft,
         rr.RecordingStream(application or f"tssgeom: {name}", recording_id=uuid4()) as recording,
     ):
         stream = recording.binary_stream()  # Rerun's own file sink blocks for ever once the disk is full
-        recording.send_blueprint(layout, make_active=False)
+        send_layout(recording, layout, make_active=False)
         recording.send_recording_name(name)
         yield recording
         draft.write_bytes(stream.read() or b"")
+
+
+def send_layout(recording: rr.RecordingStream, layout: rrb.Blueprint, *, make_active: bool = True) -> None:
+    """Send the views of a recording, and let go of the stream by which Rerun sends them.
+
+    That stream and its memory hold each other, so Rerun alone keeps two threads and 0.4 MiB of each layout.
+    """
+    given = _Layout(layout)
+    recording.send_blueprint(given, make_active=make_active)  # pyright: ignore[reportArgumentType]
+    given.stream.disconnect()
+
+
+class _Layout:
+    """Views that know the stream by which they are sent."""
+
+    stream: rr.RecordingStream
+
+    def __init__(self, layout: rrb.Blueprint) -> None:
+        self._layout = layout
+
+    def to_blueprint(self) -> _Layout:
+        return self
+
+    def _log_to_stream(self, stream: rr.RecordingStream) -> None:
+        self.stream = stream
+        self._layout._log_to_stream(stream)
 
 
 def hosted(name: str, port: int) -> tuple[rr.RecordingStream, str]:
