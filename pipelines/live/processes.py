@@ -113,12 +113,12 @@ class SideProcess:
 
     def end_messages(self) -> None:
         """Let it finish: no message follows."""
-        self._set_idle(False)
         if self._channel.open:
             self._channel.sock.shutdown(socket.SHUT_WR)
 
     def resume(self) -> None:
-        """Let it go on where it was stopped: it has to finish."""
+        """Let it go on where it was stopped, or ran only where a core is idle: it has to finish."""
+        self._set_idle(False)
         self._process.send_signal(signal.SIGCONT)
 
     def join(self, begun: float | None = None) -> bool:

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 _FLUSH_INTERVAL = {"record": 0.5, "view": 0.08, "save": 0.1, "rig": 0.1}
 """Time between two batches by role [s]; measured: a batch costs as much as four pictures."""
 _REPORT_INTERVAL = 60.0  # s between two reports of a file that cannot be written; stated
+_LAST_FLUSH = 1.0  # s, longest wait for viewers at the end; chosen: half of what the stream allows
 _NICENESS = 10  # chosen: far behind the stream
 _READ_INTERVAL = 0.02  # s between two readings; chosen: each takes time from the stream
 _CHUNK = 1 << 20  # bytes in one reading
@@ -118,8 +119,10 @@ class Drawer:
             self._numbers.clear()
 
     def finish(self) -> None:
-        """Draw the rest."""
+        """Draw the rest, and let it reach the viewers."""
         self.flush()
+        with suppress(RuntimeError):  # a viewer that does not read
+            self._picture.recording.flush(timeout_sec=_LAST_FLUSH)
 
 
 class Recorder(Drawer):
@@ -214,4 +217,4 @@ def main(role_name: str, argument: str) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1], sys.argv[2]))
+    os._exit(main(sys.argv[1], sys.argv[2]))  # all is written, and Rerun would take half a second to end

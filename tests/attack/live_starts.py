@@ -230,7 +230,7 @@ STARTS: dict[str, Trial] = {
     "a taken TCP port": _taken_port("--source", "tcp://127.0.0.1:PORT"),
     "a taken UDP port": _taken_port("--source", "udp://127.0.0.1:PORT"),
     "a reader that closes": _output("| head -c 10 >/dev/null", 0),
-    "an output that is closed": _output(">&-", 2),
+    "an output that is closed": _output(">&-", 0),
     "an ASCII terminal": _output("", 0),
     "a state that is a folder": _refused("--sink", "none", "--state", "{}"),
     "a state of noise": _refused(
