@@ -61,6 +61,10 @@ def live(
         Path | None, typer.Option("--state", help="File that keeps the tendon's state for the next start.")
     ] = None,
     record: Annotated[Path | None, typer.Option("--record", help="Rerun recording (.rrd) to write.")] = None,
+    record_rotate: Annotated[
+        str | None,
+        typer.Option("--record-rotate", help="Size or age that ends a recording: 500MB, 2GiB, 30min, 1h."),
+    ] = None,
     view: Annotated[bool, typer.Option("--view", help="Host the picture for Rerun viewers.")] = False,
     view_port: Annotated[int, typer.Option("--view-port", min=1, max=65535, help="Port for viewers.")] = 9876,
     allow_remote: Annotated[
@@ -75,6 +79,7 @@ def live(
     --source and --sink may be given more than once; both are - (standard input and output) by default.
     """
     from pipelines.inputs import run_settings
+    from pipelines.live.kept_files import rotation_of
     from pipelines.live.run import LiveOptions, run
     from tssgeom.io.network.addresses import access, each_once, sink_of, source_of
 
@@ -88,6 +93,7 @@ def live(
         stats=stats,
         state=state,
         record=record,
+        rotation=None if record_rotate is None else rotation_of(record_rotate),
         view_port=view_port if view else None,
         tolerance=None if tolerance_mm is None else 1e-3 * tolerance_mm,
         policy=policy,

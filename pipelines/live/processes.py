@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import selectors
 import signal
@@ -36,6 +37,8 @@ class ProcessLimits:
 
     start: float = 60.0
     """Time in which it has to be ready [s]."""
+    start_reported: float = 2.0
+    """Time after which a line states what the start waits for [s]."""
     end: float = 60.0
     """Time in which all of them have to finish [s]: a long recording is still put in order."""
     end_view: float = 2.0
@@ -62,18 +65,22 @@ class SideProcess:
     ----------
     selector
         Calls back what is registered with it.
-    role, argument
+    role, arguments
         Its work; see `pipelines.live.worker`.
     report
         Called with a sentence for the user.
     """
 
     def __init__(
-        self, selector: selectors.BaseSelector, role: str, argument: str, report: Callable[[str], object]
+        self,
+        selector: selectors.BaseSelector,
+        role: str,
+        arguments: Sequence[str],
+        report: Callable[[str], object],
     ) -> None:
         ours, theirs = socket.socketpair()
         with theirs:
-            command = [sys.executable, "-P", "-m", "pipelines.live.worker", role, argument]
+            command = [sys.executable, "-P", "-m", "pipelines.live.worker", role, *arguments]
             # not in a session of its own: Linux shares cores between sessions, whatever their niceness
             self._process = subprocess.Popen(
                 command, stdin=theirs.fileno(), stdout=subprocess.DEVNULL, process_group=0
@@ -121,6 +128,10 @@ class SideProcess:
         self._set_idle(False)
         self._process.send_signal(signal.SIGCONT)
 
+    def kill(self) -> None:
+        """End it now: it has nothing to finish."""
+        self._process.kill()
+
     def join(self, begun: float | None = None) -> bool:
         """Wait until it has finished, which it has `begun` then [s] or now; return whether all went well."""
         begun = monotonic() if begun is None else begun
@@ -130,7 +141,7 @@ class SideProcess:
             with suppress(subprocess.TimeoutExpired):
                 self._process.wait(_LIMITS.poll)
         if self._process.poll() is None:
-            self._process.kill()
+            self.kill()
             self._process.wait()
             self._report(f"{self.role}: did not finish within {allowed:g} s and was ended")
         self._read_rest()
@@ -263,16 +274,21 @@ def send(processes: Sequence[SideProcess], kind: str, content: object) -> None:
             process.send(message)
 
 
-def await_ready(selector: selectors.BaseSelector, processes: Sequence[SideProcess]) -> None:
-    """Wait until all processes are ready.
+def await_ready(
+    selector: selectors.BaseSelector, processes: Sequence[SideProcess], report: Callable[[str], object]
+) -> None:
+    """Wait until all processes are ready, and report what takes long.
 
     Raises
     ------
     SourceError
         Where one of them cannot do its work.
     """
-    end = monotonic() + _LIMITS.start
-    while not all(process.ready for process in processes):
+    end, reported = monotonic() + _LIMITS.start, monotonic() + _LIMITS.start_reported
+    while late := [process for process in processes if not process.ready]:
+        if monotonic() > reported:
+            report(f"the stream waits for processes that start: {', '.join(one.role for one in late)}")
+            reported = math.inf
         for process in processes:
             if process.failure or monotonic() > end:
                 raise SourceError(process.failure or f"{process.role}: not ready in {_LIMITS.start:g} s")
@@ -280,10 +296,13 @@ def await_ready(selector: selectors.BaseSelector, processes: Sequence[SideProces
 
 
 def finish_all(selector: selectors.BaseSelector, processes: Sequence[SideProcess]) -> bool:
-    """Let all processes take their messages and finish; return whether all went well."""
+    """Let all processes take their messages and finish, or end those that are not ready yet.
+
+    Return whether all went well.
+    """
     begun = monotonic()
     for process in processes:
-        process.resume()
+        process.resume() if process.ready else process.kill()
     while any(process.waiting for process in processes) and monotonic() < begun + _LIMITS.end:
         _call_back(selector)
     for process in processes:

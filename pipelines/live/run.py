@@ -13,14 +13,14 @@ import socket
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
 
 from pipelines.inputs import RunSettings
 from pipelines.live.fits import Fits
 from pipelines.live.following import AlertReport, RigFeed
-from pipelines.live.kept_files import kept_recording, locked
+from pipelines.live.kept_files import Rotation, kept_recording, locked
 from pipelines.live.processes import (
     PictureFeed,
     SideProcess,
@@ -79,6 +79,8 @@ class LiveOptions:
     """File that keeps the tendon's state from one start to the next."""
     record: Path | None = None
     """Recording to write."""
+    rotation: Rotation | None = None
+    """When it ends and the next one begins; None: never."""
     deadline: float | None = None
     """Time in which an answer has to be out [s]; None: from the rate of the frames."""
     view_port: int | None = None
@@ -105,14 +107,14 @@ def run(options: LiveOptions, settings: RunSettings) -> int:
         raise SettingsError("this system cannot poll standard streams: use Linux, macOS, or tssgeom.Engine")
     if options.write_rig is not None and not options.adapt:
         raise SettingsError("--write-rig writes the rig that --adapt follows: give both")
+    if options.rotation is not None and options.record is None:
+        raise SettingsError("--record-rotate ends the recording of --record and begins the next: give both")
     with ExitStack() as stack:
         stack.enter_context(locked([*filter(None, (options.state, options.record, options.write_rig))]))
         selector = stack.enter_context(selectors.DefaultSelector())
         errors = Pipe(selector, 2)
         report = _reporter(errors)
-        if options.record is not None:
-            record = stack.enter_context(kept_recording(options.record, report))
-            options = replace(options, record=record)
+        record = options.record and stack.enter_context(kept_recording(options.record, report))
         mailbox = Mailbox()
         session = Session(
             selector,
@@ -150,11 +152,11 @@ def run(options: LiveOptions, settings: RunSettings) -> int:
             follower=follower,
         )
         session.fits = Fits(selector, engine, options.deadline, options.stale_after)
-        session.consumers, processes = _side_processes(options, settings, follower, selector, report)
+        session.consumers, processes = _side_processes(options, record, settings, follower, selector, report)
         session.report_statistics, finish = _statistics(session, processes, errors, stats=options.stats)
         try:
             warm_up(settings.rig, commander, adapt=options.adapt)
-            await_ready(selector, processes)
+            await_ready(selector, processes, report)
             _stop_on_signals(session)
             gc.collect()  # before the line `ready`: it takes longer than many frames
             gc.freeze()
@@ -201,6 +203,7 @@ def _follower(options: LiveOptions, settings: RunSettings, report: Callable[[str
 
 def _side_processes(
     options: LiveOptions,
+    record: Path | None,
     settings: RunSettings,
     follower: Follower | None,
     selector: selectors.BaseSelector,
@@ -209,8 +212,8 @@ def _side_processes(
     """Start the processes beside the stream; return what feeds them, and them."""
     consumers, processes = list[ResultConsumer](), list[SideProcess]()
 
-    def started(role: str, argument: object) -> SideProcess:
-        processes.append(SideProcess(selector, role, str(argument), report))
+    def started(role: str, *arguments: object) -> SideProcess:
+        processes.append(SideProcess(selector, role, [*map(str, arguments)], report))
         return processes[-1]
 
     if options.state is not None:
@@ -221,7 +224,9 @@ def _side_processes(
             consumers.append(RigFeed(started("rig", options.write_rig), follower))
     drawing = list[tuple[SideProcess, TokenBucket]]()
     if options.record is not None:
-        drawing.append((started("record", options.record), TokenBucket(*_RATES.recorded)))
+        rotation = options.rotation or Rotation()
+        recorder = started("record", record, options.record, rotation.size, rotation.age)
+        drawing.append((recorder, TokenBucket(*_RATES.recorded)))
     if options.view_port is not None:
         drawing.append((started("view", options.view_port), TokenBucket(*_RATES.viewed)))
     if drawing:

@@ -1,6 +1,6 @@
 """A process beside the stream that draws, records or saves, so that neither disk nor viewer slows the stream.
 
-    python -P -m pipelines.live.worker ROLE ARGUMENT, with the socket of the stream as standard input
+    python -P -m pipelines.live.worker ROLE ARGUMENT..., with the socket of the stream as standard input
 
 It reads messages until the stream closes the socket, and then finishes. Rerun is imported by roles that draw.
 """
@@ -14,13 +14,15 @@ import signal
 import socket
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import suppress
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from time import monotonic, sleep
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from pipelines.live.kept_files import Rotation, next_recording
 from pipelines.live.messages import unpacked
 from tssgeom.adapt.saved import SavedFilter
 from tssgeom.errors import TssgeomError
@@ -126,27 +128,57 @@ class Drawer:
 
 
 class Recorder(Drawer):
-    """Draws into a file."""
+    """Draws into a file, and into further ones beside it where each grows too large or too old.
 
-    def __init__(self, path: Path) -> None:
+    Parameters
+    ----------
+    path
+        The first file.
+    rotation
+        When the next one begins; None: never.
+    base
+        The file whose name the further ones have, with a number; the first one by default.
+    """
+
+    def __init__(self, path: Path, rotation: Rotation | None = None, base: Path | None = None) -> None:
+        self._base, self._rotation = base or path, rotation or Rotation()
+        self._lock, self._optimizing = ExitStack(), ThreadPoolExecutor(1)
+        self._begin(path)
+        super().__init__(self._picture)
+
+    def _begin(self, path: Path) -> None:
         from tssgeom.view.scene.live import LivePicture
         from tssgeom.view.scene.writer import GrowingFile
 
-        self._file = GrowingFile(path)
-        super().__init__(LivePicture(self._file.recording, path.stem))
+        self._file, self._begun = GrowingFile(path), monotonic()
+        self._picture = LivePicture(self._file.recording, path.stem)
 
     def flush(self) -> None:
         """Draw the frames and numbers since the last flush, and write them."""
         super().flush()
         self._file.write()
+        if self._file.size and self._rotation.is_due(self._file.size, monotonic() - self._begun):
+            self._rotate()
+
+    def _rotate(self) -> None:
+        """Let the next file begin, then finish this one: where the next cannot, this one goes on."""
+        last, lock = self._file, self._lock
+        with ExitStack() as stack:
+            self._begin(stack.enter_context(next_recording(self._base)))
+            self._lock = stack.pop_all()
+        with lock:
+            last.close()
+        self._optimizing.submit(last.optimize)
 
     def finish(self) -> None:
         """Draw and write the rest, and give the file its name."""
         super().flush()
-        self._file.finish()
+        with self._lock:
+            self._file.finish()
+        self._optimizing.shutdown()
 
 
-def _role(name: str, argument: str) -> tuple[Role, dict[str, Any]]:
+def _role(name: str, argument: str, *more: str) -> tuple[Role, dict[str, Any]]:
     """Return a role that is ready for messages, and what the stream has to know of it."""
     if name == "save":
         return StateSaver(Path(argument)), {}
@@ -156,7 +188,8 @@ def _role(name: str, argument: str) -> tuple[Role, dict[str, Any]]:
     from tssgeom.view.scene.writer import hosted
 
     if name == "record":
-        recorder = Recorder(Path(argument))
+        base, size, age = more
+        recorder = Recorder(Path(argument), Rotation(float(size), float(age)), Path(base))
         warm_up()
         return recorder, {}
     recording, address = hosted("live", int(argument))
@@ -180,7 +213,7 @@ def _messages(sock: socket.socket, flush: Callable[[], None], pause: float) -> I
             due = monotonic() + pause
 
 
-def main(role_name: str, argument: str) -> int:
+def main(role_name: str, *arguments: str) -> int:
     """Serve the stream until it ends; return the exit status."""
     # the stream ends it by closing the socket; a terminal may not stop it, even where it writes to it
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGTTOU):
@@ -194,7 +227,7 @@ def main(role_name: str, argument: str) -> int:
             sock.sendall(json.dumps(status).encode() + b"\n")
 
     try:
-        role, details = _role(role_name, argument)
+        role, details = _role(role_name, *arguments)
     except TssgeomError as error:
         report({"failed": str(error)})
         return 1
@@ -217,4 +250,4 @@ def main(role_name: str, argument: str) -> int:
 
 
 if __name__ == "__main__":
-    os._exit(main(sys.argv[1], sys.argv[2]))  # all is written, and Rerun would take half a second to end
+    os._exit(main(*sys.argv[1:]))  # all is written, and Rerun would take half a second to end

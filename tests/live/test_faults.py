@@ -164,8 +164,9 @@ def test_a_full_disk_ends_the_recording_with_the_reason_and_not_the_stream(tmp_p
 
 def test_messages_that_a_slow_recording_loses_are_reported_without_asking(tmp_path):
     lines: list[str] = []
+    arguments = [*[str(tmp_path / "live.rrd")] * 2, "inf", "inf"]
     with selectors.DefaultSelector() as selector:
-        recorder = SideProcess(selector, "record", str(tmp_path / "live.rrd"), lines.append)
+        recorder = SideProcess(selector, "record", arguments, lines.append)
         os.kill(recorder.pid, signal.SIGSTOP)
         numbers = packed("numbers", np.zeros((100_000, 5)))  # 4 MB
         for _ in range(8):

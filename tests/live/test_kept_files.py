@@ -4,13 +4,16 @@ import os
 import shutil
 import signal
 import socket
+import subprocess
 import time
 
 import pytest
 
+from pipelines.live.kept_files import Rotation, rotation_of
 from tests.live.peers import frame, next_answer
-from tests.live.test_faults import _await_end
-from tests.live_process import PATIENCE, live
+from tests.live.test_faults import _await_end, rows
+from tests.live_process import PATIENCE, START, live
+from tssgeom.errors import SettingsError
 from tssgeom.io.formats.states import read_state
 
 
@@ -125,3 +128,44 @@ def test_no_recording_is_overwritten_and_what_a_kill_left_is_kept(tmp_path):
     assert recording.read_bytes() == first
     assert (tmp_path / "live-2.rrd").read_bytes() == left
     assert (tmp_path / "live-3.rrd").stat().st_size > 0
+
+
+def test_a_recording_that_grows_too_large_goes_on_in_the_next_one(tmp_path):
+    (tmp_path / "live-4.rrd").touch()
+    count, first = 0, tmp_path / "live.rrd"
+    with live("--record", first, "--record-rotate", "0.2 MB") as stream:
+        while not (tmp_path / "live-6.rrd").exists():
+            answer_one(stream, float(count))
+            count += 1
+            time.sleep(0.02)  # each frame has a picture, up to 100 a second
+        assert stream.stop() == 0
+    names = {path.name for path in tmp_path.iterdir()}
+    assert {"live.rrd", "live-4.rrd", "live-5.rrd", "live-6.rrd"} <= names
+    assert not {name for name in names if name.startswith(".")}
+    files = [path for path in tmp_path.iterdir() if path.stat().st_size]
+    assert sum(rows(path, "/route", "LineStrips3D:strips") for path in files) == count
+    assert (tmp_path / "live-4.rrd").stat().st_size == 0
+
+
+def test_a_rotation_is_a_size_or_a_time():
+    assert rotation_of("1.5GiB") == Rotation(size=1.5 * 2**30)
+    assert rotation_of("30 min") == Rotation(age=1800.0)
+    for wrong in ("", "0MB", "-1h", "5", "5 parsec", "9" * 400 + "GB"):
+        with pytest.raises(SettingsError, match="write a number and s, min"):
+            rotation_of(wrong)
+
+
+def test_a_rotation_without_a_recording_is_refused(run):
+    outcome = run("live", "--sink", "none", "--record-rotate", "1h")
+    assert (outcome.status, "give both" in outcome.errors[0]) == (2, True)
+
+
+def test_a_stream_that_is_ended_before_it_is_ready_leaves_nothing(tmp_path):
+    command = [*START, "--sink", "none", "--record", str(tmp_path / "live.rrd")]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.DEVNULL) as stream:
+        while not (tmp_path / ".live.rrd.lock").exists():
+            time.sleep(0.01)
+        time.sleep(0.2)
+        stream.terminate()
+        assert stream.wait(PATIENCE) == 128 + signal.SIGTERM
+    assert not list(tmp_path.iterdir())

@@ -130,6 +130,7 @@ class GrowingFile:
             self._file = self._part.open("wb", buffering=0)
         except OSError as error:
             raise self._unwritten(error) from error
+        flush_and_cleanup_orphaned_recordings()  # as above
         self.recording = rr.RecordingStream(f"tssgeom: {path.stem}", recording_id=uuid4())
         self._stream = self.recording.binary_stream()
         self.recording.send_recording_name(path.stem)
@@ -152,7 +153,23 @@ class GrowingFile:
             self._full = True
             raise self._unwritten(error) from error
 
+    @property
+    def size(self) -> int:
+        """Bytes in the file so far."""
+        return self._size
+
     def finish(self) -> None:
+        """Write the rest, give the file its name, and put it in order.
+
+        Raises
+        ------
+        SourceError
+            Where the disk refuses.
+        """
+        self.close()
+        self.optimize()
+
+    def close(self) -> None:
         """Write the rest and give the file its name.
 
         Raises
@@ -167,10 +184,17 @@ class GrowingFile:
                 os.fsync(self._file.fileno())
             self._file.close()
             if self._size:
-                self._optimize()
                 os.replace(self._part, self._path)
             else:
                 self._part.unlink(missing_ok=True)
+
+    def optimize(self) -> None:
+        """Join the many small pieces and add a table of contents; a failure leaves the file as it is."""
+        if not 0 < self._size <= _OPTIMIZE_LARGEST:
+            return
+        with suppress(SourceError, subprocess.SubprocessError), replacing(self._path) as draft:
+            command = [binary(), "rrd", "optimize", str(self._path), "-o", str(draft)]
+            subprocess.run(command, check=True, capture_output=True, timeout=_OPTIMIZE_LIMIT)
 
     def _append(self, data: bytes) -> None:
         """Write messages; of those that find no room, none is written in part."""
@@ -187,14 +211,6 @@ class GrowingFile:
             raise
         finally:
             self._size += written
-
-    def _optimize(self) -> None:
-        """Join the many small pieces and add a table of contents; a failure leaves the file as it is."""
-        if self._size > _OPTIMIZE_LARGEST:
-            return
-        with suppress(SourceError, subprocess.SubprocessError), replacing(self._part) as draft:
-            command = [binary(), "rrd", "optimize", str(self._part), "-o", str(draft)]
-            subprocess.run(command, check=True, capture_output=True, timeout=_OPTIMIZE_LIMIT)
 
     def _unwritten(self, error: OSError) -> SourceError:
         what = error.strerror or str(error)
