@@ -130,9 +130,9 @@ def run(options: LiveOptions, settings: RunSettings) -> int:
         state = None
         if options.state is not None and options.state.exists():
             state = read_state(options.state)
+            _require_usable(options, settings.rig, state)
             if remark := origin_remark(options.state, settings.rig):
                 report(remark)
-        _require_usable(options, settings.rig, state)
         if state is not None and math.isfinite(state.time):
             session.time = state.time
         follower = _follower(options, settings, report) if options.adapt else None
@@ -176,10 +176,8 @@ def run(options: LiveOptions, settings: RunSettings) -> int:
     return 0 if all_well else 1
 
 
-def _require_usable(options: LiveOptions, rig: Rig, state: Carried | None) -> None:
+def _require_usable(options: LiveOptions, rig: Rig, state: Carried) -> None:
     """Refuse a saved state of another kind than the rig has, with a SettingsError."""
-    if state is None:
-        return
     if isinstance(state, CarriedMachine) != rig.is_machine:
         of, needed = ("one tendon", "a machine") if rig.is_machine else ("a machine", "one tendon")
         raise SettingsError(f"{options.state}: the state is of {of}, the stream needs {needed}: remove it")

@@ -176,6 +176,8 @@ class Session:
             if step > _LIMITS.longest_step:
                 leap = f"t is {step:.3g} s later than the last frame: it counts as {passed:.3g} s"
                 warnings += (f"{leap}; send seconds of one clock",)
+        if time != frame.time + sender.offset:
+            sender.track.watch.leave_clock()
         if time == frame.time and warnings is frame.warnings:
             return frame
         return replace(frame, time=time, warnings=warnings)

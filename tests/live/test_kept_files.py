@@ -91,6 +91,19 @@ def test_a_state_of_another_rig_is_named_and_one_of_the_same_is_not(tmp_path):
     assert "tendon.json" in said[-1][0]
 
 
+def test_a_state_of_another_kind_of_rig_is_refused_in_one_line(tmp_path):
+    state, rig = tmp_path / "tendon.json", tmp_path / "rig.toml"
+    rig.write_text("[end]\nkind = 'joint'\nradius_m = 0.01\n[drive]\nkind = 'pair'\nradius_m = 0.01\n")
+    with live("--state", state) as stream:
+        answer_one(stream)
+        assert stream.stop() == 0
+    command = [*START, "--sink", "none", "--state", state, "--rig", rig]
+    done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, check=False)
+    assert done.returncode == 2
+    (line,) = (text for text in done.stderr.decode().splitlines() if "tendon.json" in text)
+    assert "the state is of one tendon, the stream needs a machine: remove it" in line
+
+
 def test_a_hang_up_saves_state_and_recording(tmp_path):
     state, recording = tmp_path / "tendon.json", tmp_path / "live.rrd"
     with live("--state", state, "--record", recording) as stream:

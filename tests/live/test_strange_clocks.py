@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from time import sleep
 
 import numpy as np
 import pytest
@@ -31,6 +32,29 @@ def piped(frames: list[bytes], *arguments: str | Path) -> list[dict]:
         answers = [json.loads(text) for text in stream.output.read().splitlines()]
         assert stream.process.wait(PATIENCE) == 0
     return [one for one in answers if not one.get("stale")]
+
+
+def test_a_new_connection_and_turns_of_two_senders_are_no_pause_of_one():
+    step = 1e-3  # s
+    ends = ("--source", "tcp://127.0.0.1:0", "--sink", "tcp://127.0.0.1:0")
+    with live(*ends) as stream, stream.source() as first:
+        reader = stream.reader()
+
+        def sent(source, begin: float, name: str, count: int = 40) -> None:
+            for i in range(count):
+                source.sendall(line(half_circle(), begin + step * i, id=f"{name} {i}"))
+                assert "warnings" not in reader.until("id", f"{name} {i}")[-1]
+
+        sent(first, 0.0, "first")
+        with stream.source() as other:
+            sleep(0.5)  # of the clock here; by the clocks of both senders there is none
+            sent(other, 700.0, "other")
+        sent(first, 40 * step, "first again", 1)
+        first.close()
+        sleep(0.5)
+        with stream.source() as third:
+            sent(third, 0.0, "third")
+        reader.sock.close()
 
 
 @pytest.mark.parametrize("strange", [1.7e18, 1e13, 1e300])

@@ -173,6 +173,10 @@ class FrameWatch:
                 remarks += self._distal(distal)
         return tuple(each.text for each in remarks) if remarks else ()
 
+    def leave_clock(self) -> None:
+        """Compare the time of the next frame with none before it: it is on another clock."""
+        self.latest = math.nan
+
     def _clock(self, step: float) -> tuple[Remark, ...]:
         if self.frames > _AVERAGED and step > LIMITS.pause * self.interval:
             late = f"the frame comes {step:.3g} s after the last one, usual are {self.interval:.2g} s"
