@@ -2,10 +2,9 @@
 
     python -m benchmarks.speed [--quick] [--pairs N] [--wall] [--markdown]
 
-Everything is run before the clock starts, and runs in one thread. Each repetition times the
-peers and every stage once, one after the other, so that what else the machine does strikes all alike. The
-clock is the processor time of the thread, so that waiting for a core does not count; `--wall` takes the time
-on the wall. No time is asserted, for machines differ. `--quick` takes less than 20 s of one core.
+Everything is run before the clock starts, in one thread. Each repetition times the peers and every stage
+once, one after the other, so that what else the machine does strikes all alike. The clock is the processor
+time of the thread; `--wall` takes that on the wall. No time is asserted; `--quick` takes 20 s of one core.
 """
 
 from __future__ import annotations
@@ -22,7 +21,16 @@ from typing import Any
 import numpy as np
 
 from benchmarks import machine, number, options_parser, table
-from benchmarks.stages import NOISE, PIPELINES, SMOOTH_STAGES, STAGES, Stage, frames, moving_course
+from benchmarks.stages import (
+    NOISE,
+    PIPELINES,
+    SMOOTH_STAGES,
+    STAGES,
+    Stage,
+    first_frame_table,
+    frames,
+    moving_course,
+)
 from tests.compiled import library_of
 from tssgeom.arrays import Vector
 from tssgeom.rig import Rig, Tendon
@@ -72,6 +80,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     counts, repeats = (_QUICK_SCALING, _QUICK_REPEATS) if options.quick else (_SCALING, _REPEATS)
     print(f"\n{_heading(f'scaling: time as N to a power, N = {counts[0]} to {counts[-1]}', options)}\n")
     print(_scaling_table(counts, repeats, clock, markdown=options.markdown))
+    print(f"\n{_heading('first frame of routes that are hard to fit', options)}\n")
+    print(first_frame_table(counts, clock, markdown=options.markdown))
     print(f"\n{time.perf_counter() - begin:.0f} s")
     return 0
 

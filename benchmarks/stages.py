@@ -12,13 +12,16 @@ import numpy as np
 import ruptures
 from scipy.interpolate import splev, splprep
 
+from benchmarks import number, table
 from benchmarks.estimators import RIG
+from tests.attack.live_lines import KINDS
 from tests.known_routes import PIECEWISE, harmonic_course, of_arcs, truth
 from tests.live_process import line
 from tssgeom import core
 from tssgeom.arrays import Points, Vector
-from tssgeom.engine import process
+from tssgeom.engine import Engine, process
 from tssgeom.io.formats.jsonl import frame_of
+from tssgeom.io.formats.recording import PER_METRE
 from tssgeom.io.results.answers import answer
 from tssgeom.rig import Rig, ShapeSensor
 from tssgeom.route.geometry import Method, measure
@@ -280,6 +283,19 @@ def kernel(frame: Frame) -> Sequence[int]:
     """Cut the route where the curvature changes, by KernelCPD with the linear kernel (C)."""
     kappa = _curvature(frame)[:, None]
     return ruptures.KernelCPD(kernel="linear").fit(kappa).predict(pen=_penalty(len(kappa))) or []
+
+
+def first_frame_table(counts: Sequence[int], clock: Callable[[], float], *, markdown: bool) -> str:
+    """Return the time of the first frame of a stream over its points, of routes that are hard to fit."""
+    rows = [[kind, *(number(1e3 * _first(kind, n, clock)) for n in counts)] for kind in KINDS]
+    return table(["route", *(f"{n} [ms]" for n in counts)], rows, text_columns=1, markdown=markdown)
+
+
+def _first(kind: str, count: int, clock: Callable[[], float]) -> float:
+    frame, engine = Frame(KINDS[kind](count) / PER_METRE["mm"], 0.0), Engine(Rig(), tension_in=_TENSIONS[0])
+    begin = clock()
+    engine.push(frame)
+    return clock() - begin
 
 
 def _calls(

@@ -36,6 +36,14 @@ def _there_and_back(count: int) -> np.ndarray:
     return np.column_stack((np.minimum(k, count - k), 0.0 * k, 0.0 * k)).astype(float)
 
 
+KINDS: dict[str, Callable[[int], np.ndarray]] = {
+    "random walk": _walk,
+    "helix of 20 turns": lambda count: helix(count, 20.0),
+    "helix of 200 turns": lambda count: helix(count, 200.0),
+    "ball": _ball,
+    "zigzag": _zigzag,
+}
+"""Points [mm] that are hard to fit, by their number."""
 _HARD: dict[str, Callable[[], np.ndarray]] = {
     "random walk of 500 points": lambda: _walk(500),
     "random walk of 1000 points": lambda: _walk(1000),

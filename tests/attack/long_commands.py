@@ -70,7 +70,7 @@ def _of_runs(folder: Path) -> Iterator[Command]:
     yield ["simulate", LOOP, "--drive", slow, "--rig", rig, "--adapt", "--out", out]
     yield ["compensate", LOOP, "--target", long, "--out", out]
     yield ["calibrate", slow, "--shape", LOOP, "--out", out / "rig.toml"]
-    yield ["calibrate", long, "--shape", LOOP, "--every", "1000", "--out", out / "rigs"]
+    yield ["calibrate", long, "--shape", LOOP, "--every", "1000", "--force", "--out", out / "rigs"]
     yield ["discover", CAMPAIGN, "--out", out]
     yield ["discover", CAMPAIGN, "--propose", "2", "--out", out]
 

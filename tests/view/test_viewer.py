@@ -51,6 +51,17 @@ def test_missing_graphics_driver_is_named_with_its_hint(
         screenshot(still_file, tmp_path / "picture.png")
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="names the hint of Linux")
+def test_a_picture_that_cannot_be_taken_leaves_the_last_one(
+    still_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "picture.png").write_bytes(b"the last one")
+    monkeypatch.setenv("VK_DRIVER_FILES", str(tmp_path / "none.json"))
+    with pytest.raises(SourceError):
+        screenshot(still_file, tmp_path / "picture.png")
+    assert (tmp_path / "picture.png").read_bytes() == b"the last one"
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="windows elsewhere need no DISPLAY")
 @pytest.mark.parametrize("display", [None, ":4321"])
 def test_a_window_without_a_display_is_one_line_with_what_works(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
 import socket
 import subprocess
 import sys
@@ -21,7 +22,7 @@ from rerun.chunk import Chunk, RrdReader
 from rerun.experimental import ViewerClient
 
 from tssgeom.arrays import Vector
-from tssgeom.atomic import temporary_folder
+from tssgeom.atomic import replacing, temporary_folder
 from tssgeom.errors import SourceError, require_replaceable
 from tssgeom.tendon.history import last_peak
 from tssgeom.view.quantities import COUNT, TIMELINE
@@ -110,17 +111,21 @@ def screenshot(
     require_recording(path)
     require_replaceable(png)
     moment = moment_of_greatest_tension(path) if at is None else (TIMELINE, at)
-    png.parent.mkdir(parents=True, exist_ok=True)
-    png.unlink(missing_ok=True)
-    with _headless(path, size) as viewer:
-        if moment is not None:
-            _go_to(viewer, *moment)
-        time.sleep(_WAIT)
-        viewer.save_screenshot(str(png.resolve()))
-    if not png.is_file():
-        raise SourceError(f"{png}: the viewer wrote no picture: check that the folder can be written")
-    if clean:
-        _cut_frame(png, timed=moment is not None)
+    with temporary_folder() as folder:  # a viewer that finds no room for its picture gives no reason
+        drawn = folder / "picture.png"
+        with _headless(path, size) as viewer:
+            if moment is not None:
+                _go_to(viewer, *moment)
+            time.sleep(_WAIT)
+            viewer.save_screenshot(str(drawn))
+        if not drawn.is_file():
+            raise SourceError(
+                f"{png}: the viewer wrote no picture: check that {folder.parent} can be written"
+            )
+        if clean:
+            _cut_frame(drawn, timed=moment is not None)
+        with replacing(png) as draft:
+            shutil.copyfile(drawn, draft)
 
 
 def _cut_frame(png: Path, *, timed: bool) -> None:
