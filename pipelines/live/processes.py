@@ -296,23 +296,23 @@ def await_ready(
 
 
 def finish_all(selector: selectors.BaseSelector, processes: Sequence[SideProcess]) -> bool:
-    """Let all processes take their messages and finish, or end those that are not ready yet.
-
-    Return whether all went well.
-    """
+    """Let each process take its messages and finish, or end it where it is not ready yet; return success."""
     begun = monotonic()
     for process in processes:
         process.resume() if process.ready else process.kill()
-    while any(process.waiting for process in processes) and monotonic() < begun + _LIMITS.end:
-        _call_back(selector)
-    for process in processes:
-        process.end_messages()
+    left = [*processes]
+    while left:
+        over = monotonic() > begun + _LIMITS.end
+        for process in [one for one in left if over or not one.waiting]:
+            process.end_messages()
+            left.remove(process)  # one that is done waits for no slower one
+        _call_back(selector, 0.0 if not left else _LIMITS.poll)
     ended_well = [process.join(begun) for process in processes]  # each of them, even after one that failed
     return all(ended_well)
 
 
-def _call_back(selector: selectors.BaseSelector) -> None:
-    for key, events in selector.select(_LIMITS.poll):
+def _call_back(selector: selectors.BaseSelector, wait: float = _LIMITS.poll) -> None:
+    for key, events in selector.select(wait):
         key.data(events)
 
 
