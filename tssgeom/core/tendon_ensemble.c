@@ -8,7 +8,7 @@
 /* The plant of one member: that of the middle, and straight lines over what is followed; (201). */
 static void set_plant(
     int64_t k, int64_t d, const double *middle, const double *slope, const double shift[], double *own) {
-    int64_t b = k + 1, rows = 16 * b + PLANT.curved, size = 16 * b + 428;
+    int64_t b = k + 1, rows = 16 * b + PLANT.curved, size = 16 * b + 429;
     memcpy(own, middle, plant_bytes(k));
     for (int64_t a = 0; a < d; a++)
         for (int64_t i = 0; i < rows; i++) own[i] += slope[a * size + i] * shift[a];
@@ -27,12 +27,12 @@ static void set_cones_of(int64_t k, double *own) {
 }
 
 int64_t tss_step_ensemble(
-    int64_t n, int64_t k, const double edge[k], int64_t d, const double plant[16 * (k + 1) + 428],
-    const double slope[d][16 * (k + 1) + 428], const double shift[n][d],
+    int64_t n, int64_t k, const double edge[k], int64_t d, const double plant[16 * (k + 1) + 429],
+    const double slope[d][16 * (k + 1) + 429], const double shift[n][d],
     const double memory[n][9 * (k + 1) + 7], int64_t p, const double length[p], const double angle[p],
     const double gain[n], int64_t m, const double bends[m][3], int64_t moved, int64_t by_force,
     int64_t was_by_force, const double position[n], const double drive[n], double span, double warmth,
-    double after[n][9 * (k + 1) + 7], double ends[n][4], double own[16 * (k + 1) + 428],
+    double after[n][9 * (k + 1) + 7], double ends[n][4], double own[16 * (k + 1) + 429],
     double pieces[6][p + 2 * m], double work[24][k + 1]) {
     if (k < 2 || p == 0) return 0;
     for (int64_t j = 0; j < n; j++) {

@@ -63,7 +63,7 @@ static int try_tendon(const sample *it, int64_t i, const double z[], end_forces 
         end += it->distal[i * it->m + j] * z[j];
     }
     memcpy(block, before, memory_bytes(k));
-    bar_laws laws = laws_of(k, it->plant + i * (16 * (k + 1) + 428));
+    bar_laws laws = laws_of(k, it->plant + i * (16 * (k + 1) + 429));
     bar_memory memory = memory_of(k, block);
     step_room room = room_of(k, it->work);
     begin_room(&laws, &room);
@@ -181,7 +181,7 @@ static int solve_balance(const sample *it, double z[]) {
 }
 
 int64_t tss_march_machine(
-    int64_t n, int64_t k, const double plant[n][16 * (k + 1) + 428], const double memory[n][9 * (k + 1) + 7],
+    int64_t n, int64_t k, const double plant[n][16 * (k + 1) + 429], const double memory[n][9 * (k + 1) + 7],
     int64_t m, const double proximal[n][m], const double distal[n][m], const double stiffness[m],
     const double gravity[m][2], const double friction[m], const double at_rest[m], const double start[m],
     int64_t by_force, int64_t s,

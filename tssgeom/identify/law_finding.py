@@ -42,7 +42,7 @@ def law_ranking(search: LawSearch, chosen: tuple[Candidate, ...]) -> tuple[Candi
 
 def _offered(offer: Offer) -> Candidate:
     fit = offer.fit
-    evidence = Evidence(offer.gain, needed(fit), math.nan, offer.held_ratio)
+    evidence = Evidence(offer.gain, needed(fit), math.nan, math.nan)
     why = f"{offer.veto}." if offer.veto else ""
     if offer.name:
         which = len(fit.at.effects) - 1
@@ -103,10 +103,11 @@ def curve(fit: LawFit, which: int, nearest: tuple[tuple[str, float], ...] = ()) 
     """
     term = fit.terms[which]
     one, start = term.mechanism, fit.at.size + sum(t.mechanism.size for t in fit.terms[:which])
-    own = fit.covariance[start : start + one.size, start : start + one.size]
+    end = start + one.size - one.more
+    own = fit.covariance[start:end, start:end]
     inflated = max(1.0, fit.chi2 / max(len(fit.left), 1))
     if one.name.startswith("friction_over"):
-        shared = fit.covariance[0, start : start + one.size]
+        shared = fit.covariance[0, start:end]
         variance = np.diag(own) + fit.covariance[0, 0] + 2.0 * shared
         spread = NORMAL_95 * np.sqrt(np.maximum(variance, 0.0) * inflated)
         middle = fit.at.friction * one.value(term.u)
