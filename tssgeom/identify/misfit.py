@@ -18,6 +18,7 @@ from tssgeom.identify.fit import Point, Problem, posed
 from tssgeom.identify.fit_quality import ROBUST
 from tssgeom.identify.prediction import FINE, exact, stacked, total_sigma
 from tssgeom.identify.readings import Reading
+from tssgeom.identify.screening import leftover
 from tssgeom.rig import Rig
 from tssgeom.statistics import NORMAL_95, root_mean_square
 from tssgeom.tendon.bars.model import Model, RunTrace, begin, carry_on, prepare
@@ -25,15 +26,13 @@ from tssgeom.tendon.bars.model import Model, RunTrace, begin, carry_on, prepare
 
 @dataclass(frozen=True, slots=True)
 class MisfitSettings:
-    """What counts as held, and as a misfit.
+    """What counts as held.
 
     Frozen on the development seeds of `benchmarks.discovery`.
     """
 
     still: float = 0.05
     """Of the median step in motion: a slower drive is a hold [1]; chosen."""
-    same: float = 0.95
-    """Of a misfit: one that differs by less has neither fallen nor grown [1]; chosen: two digits."""
 
 
 MISFIT = MisfitSettings()
@@ -99,9 +98,12 @@ class HeldOut:
         near = np.minimum(off, ROBUST.huber)
         return float(np.sum(near * (2.0 * off - near)))
 
-    def widens(self, before: Point, after: Point) -> bool:
-        """Whether a second model leaves a wider misfit than a first, both beyond what is uninformative."""
-        return self.misfit(after) > max(self.misfit(before), UNINFORMATIVE)
+    def leftover(self, at: Point) -> float:
+        """Return what a model leaves of the worst channel over its limit [1]; infinite as `misfit`."""
+        try:
+            return leftover(self.problem, self.problem.left(at))
+        except FitError:
+            return math.inf
 
     def ratio(self, at: Point) -> float:
         """Return the misfit over that of the base model [1]; NaN where that shows none."""
