@@ -52,7 +52,7 @@ def _offered(offer: Offer) -> Candidate:
     return Candidate((offer.label,), (term.mechanism.effect(term.u),), ({},), evidence, why)
 
 
-def _evidence(search: LawSearch, held_ratio: float, effect: AnyEffect, name: str) -> Evidence:
+def _evidence(search: LawSearch, held_ratio: float, effect: AnyEffect, which: int) -> Evidence:
     fit, problem = search.fit, search.problem
     point = fit.point
     rest = tuple(one for one in point.effects if one != effect)
@@ -61,16 +61,14 @@ def _evidence(search: LawSearch, held_ratio: float, effect: AnyEffect, name: str
         size = size_over_limit(problem.stack, change, detection_limits(problem.stack, problem.rig))
     except FitError:  # the others alone find no equilibrium
         size = math.nan
-    taken = (one for offers in search.rounds for one in offers if not one.veto and one.label == name)
-    gain = max((one.gain for one in taken), default=math.nan)
-    return Evidence(gain, needed(fit), size, held_ratio)
+    return Evidence(search.added[which], needed(fit), size, held_ratio)
 
 
 def _formula(search: LawSearch, held_ratio: float, which: int) -> Candidate:
     effect = search.fit.at.effects[which]
     name = name_of(effect)
     numbers = estimates(as_fit(search.fit), which, search.fit.covariance)
-    return Candidate((name,), (effect,), (numbers,), _evidence(search, held_ratio, effect, name), "")
+    return Candidate((name,), (effect,), (numbers,), _evidence(search, held_ratio, effect, which), "")
 
 
 def _law(search: LawSearch, held_ratio: float, which: int) -> Candidate:
@@ -80,7 +78,7 @@ def _law(search: LawSearch, held_ratio: float, which: int) -> Candidate:
         (name,),
         (effect,),
         ({},),
-        _evidence(search, held_ratio, effect, name),
+        _evidence(search, held_ratio, effect, len(search.fit.at.effects) + which),
         "",
         curve(search.fit, which, _nearest(search, term.mechanism.name)),
     )

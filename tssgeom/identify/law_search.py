@@ -9,6 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from tssgeom.errors import FitError, SettingsError
 from tssgeom.identify.fit import Fit, Point, Problem, freed
 from tssgeom.identify.law_fit import LawFit, Term, fitted, score
@@ -20,7 +22,7 @@ from tssgeom.identify.screening import (
     detected_size,
     screening,
 )
-from tssgeom.identify.selection import SEARCH, explained, name_of
+from tssgeom.identify.selection import SEARCH, explained, name_of, without
 from tssgeom.least_squares import SOLVER
 from tssgeom.statistics import EVIDENCE_SCALE
 
@@ -78,6 +80,8 @@ class LawSearch:
     problem: Problem
     base: LawFit
     fit: LawFit
+    added: tuple[float, ...]
+    """By formula, then by law: 2 Δ ln Z against the model without it [1]."""
     rounds: tuple[tuple[Offer, ...], ...]
 
     @property
@@ -123,7 +127,28 @@ def searched(
         now = taken.fit
         if explained(now.chi2, problem.stack.size):
             break
-    return LawSearch(problem, start, now, tuple(rounds))
+    return LawSearch(problem, start, *_pruned(problem, now, held, start), tuple(rounds))
+
+
+def _pruned(
+    problem: Problem, fit: LawFit, held: HeldOut | None, base: LawFit
+) -> tuple[LawFit, tuple[float, ...]]:
+    """Return a model without the parts that later ones have made needless, and what each adds; (191)."""
+    named, added = len(fit.at.effects), list[float]()
+    if named + len(fit.terms) < 2:
+        return fit, (2.0 * (fit.log_evidence - base.log_evidence),)
+    for which in range(named + len(fit.terms)):
+        if which < named:
+            at, terms = without(fit.at, which), fit.terms
+        else:
+            at, terms = fit.at, tuple(term for k, term in enumerate(fit.terms) if k != which - named)
+        less = fitted(problem, at, terms)
+        gain = np.inf if less is None else 2.0 * (fit.log_evidence - less.log_evidence)
+        rise = 0.0 if held is None or less is None else held.rise(less.point, fit.point)
+        if less is not None and gain - rise < needed(fit):
+            return _pruned(problem, less, held, base)
+        added.append(gain)
+    return fit, tuple(added)
 
 
 def needed(fit: LawFit) -> float:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tssgeom.arrays import Matrix, Vector, read_only
+from tssgeom.core.constants import CHANCE
 from tssgeom.errors import FitError
 from tssgeom.identify.finding import PHASES, Misfit, Trace
 from tssgeom.identify.fit import Point, Problem, posed
@@ -97,6 +98,11 @@ class HeldOut:
             return math.inf
         near = np.minimum(off, ROBUST.huber)
         return float(np.sum(near * (2.0 * off - near)))
+
+    def explained(self, at: Point) -> bool:
+        """Whether a model leaves no more than the sensors explain, by χ² or by the detection limits."""
+        beyond = self._chi2(at) / self.problem.stack.size - 1.0
+        return beyond < CHANCE.clear * math.sqrt(2.0 / self.problem.stack.size) or self.leftover(at) < 1.0
 
     def leftover(self, at: Point) -> float:
         """Return what a model leaves of the worst channel over its limit [1]; infinite as `misfit`."""

@@ -59,6 +59,8 @@ def judged(
     ratio = math.nan if held is None else held.ratio(chosen.fit.at)
     before, after = left_by(*first, held), left_by(chosen.problem, chosen.fit, held)
     reason = why_unknown([name_of(effect) for effect in chosen.fit.at.effects], before, after)
+    if not reason and not chosen.fit.at.effects and held is not None and not held.explained(first[1].at):
+        reason = f"{after[-1]:.2g} {_LIMIT} is left on the runs that were not fitted"
     bent = "" if reason else _bent(chosen, names)
     if reason or bent:
         return Judgement("unknown", reason or bent, bool(bent), ratio)
