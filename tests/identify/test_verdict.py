@@ -59,8 +59,8 @@ def test_parts_that_leave_much_on_fitted_and_on_held_out_runs_are_no_name(before
 
 
 def test_without_a_part_it_is_unknown_what_the_sensors_do_not_explain():
-    assert why_unknown([], (0.7, 0.1), (0.7, 0.1)).startswith("0.7 times the detection limit")
-    assert why_unknown([], (0.6, 3.0), (0.6, 3.0)) == ""
+    assert why_unknown([], (1.7, 0.1), (1.7, 0.1)).startswith("1.7 times the detection limit")
+    assert why_unknown([], (0.9, 3.0), (0.9, 3.0)) == ""
 
 
 def test_without_held_out_runs_the_sentence_has_nothing_on_them():

@@ -100,9 +100,12 @@ class HeldOut:
         return float(np.sum(near * (2.0 * off - near)))
 
     def explained(self, at: Point) -> bool:
-        """Whether a model leaves no more than the sensors explain, by χ² or by the detection limits."""
+        """Whether χ² is that of chance, or what a model leaves is not clearly beyond the detection limits."""
         beyond = self._chi2(at) / self.problem.stack.size - 1.0
-        return beyond < CHANCE.clear * math.sqrt(2.0 / self.problem.stack.size) or self.leftover(at) < 1.0
+        return (
+            beyond < CHANCE.clear * math.sqrt(2.0 / self.problem.stack.size)
+            or self.leftover(at) < CHANCE.clear
+        )
 
     def leftover(self, at: Point) -> float:
         """Return what a model leaves of the worst channel over its limit [1]; infinite as `misfit`."""

@@ -100,7 +100,7 @@ def why_unknown(parts: Sequence[str], before: Sequence[float], after: Sequence[f
     """Say how much is left where it is much, with parts on held-out runs too, and what helps; else empty."""
     left = f"{after[0]:.2g} {_LIMIT} is left"
     if not parts:
-        return left if after[0] > VERDICT.left else ""
+        return left if after[0] > 1.0 else ""
     much = [now > max(VERDICT.left, VERDICT.share * was) for was, now in zip(before, after, strict=True)]
     if not all(much):
         return ""
