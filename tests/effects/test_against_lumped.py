@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 
 from tests.effects.rig import FORCE, PHYSICS, POSITION, STEP, modelled, refereed
-from tssgeom.effects import KINDS, EndFittingFrictionDistal, EndFittingFrictionProximal, with_size
+from tssgeom.effects import (
+    KINDS,
+    EndFittingFrictionDistal,
+    EndFittingFrictionProximal,
+    FrictionLaw,
+    with_size,
+)
 
 LEAST = {"N": 5e-3, "m": 1e-6}  # below it a signature is not above the errors of both sides
 SHARE = 0.035  # of the signature, rms; 30 bars, 80 cells and steps of 0.01 s leave up to 0.029
@@ -59,6 +65,21 @@ def test_a_fitting_that_holds_a_share_of_the_tension_is_the_referees(end):
     result = differences(FORCE, kind(ratio=0.05), **{f"fitting_{end}_ratio": 0.05})
     wanted, missed = result["tension_out_N"]
     assert missed < SHARE * wanted
+
+
+SLOW = 1e-3  # m/s
+FALLING = {"stribeck_gain": 0.3, "stribeck_speed_m_per_s": SLOW, "speed_lag_s": 0.5}
+
+
+def test_friction_that_falls_with_speed_within_a_time_is_the_referees():
+    speed = np.array([0.0, 0.2, 0.4, 0.7, 1.0, 1.5, 2.0, 2.7, 3.5, 5.0, 7.0, 10.0]) * SLOW
+    factor = 1.0 + 0.3 * np.exp(-speed / SLOW)
+    law = {"over": "speed", "x": tuple(speed), "factor": tuple(factor)}
+    result = differences(POSITION, FrictionLaw(**law, memory_s=0.5), BY_RATE, **FALLING)
+    wanted, missed = result["tension_out_N"]
+    assert missed < SHARE * wanted
+    _, forgetful = differences(POSITION, FrictionLaw(**law), BY_RATE, **FALLING)["tension_out_N"]
+    assert forgetful > 3.0 * missed
 
 
 def test_the_base_is_the_referees():

@@ -7,6 +7,7 @@ import pytest
 
 from tssgeom.effects import Backlash, LoadDependentFriction
 from tssgeom.identify.fit import base_fit
+from tssgeom.identify.machine_evidence import contradicted
 from tssgeom.identify.misfit import held_out
 from tssgeom.identify.readings import readings
 
@@ -32,6 +33,11 @@ def test_held_out_runs_contradict_a_play_that_is_not_there(clean):
 def test_a_part_that_lowers_what_held_out_runs_leave_counts_for_it(clean):
     held, at = clean
     assert held.rise(with_part(at, Backlash(width_m=1e-4)), at) < -10.0
+
+
+def test_one_channel_that_grows_contradicts_a_part_of_a_machine():
+    assert contradicted({"tension_in_N": -50.0, "motor_torque_Nm": 5.4}) == "motor_torque_Nm"
+    assert contradicted({"tension_in_N": -1.0, "motor_torque_Nm": 3.8}) == ""
 
 
 def test_a_part_too_small_to_be_measured_is_not_contradicted(clean):

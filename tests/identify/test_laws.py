@@ -1,12 +1,13 @@
 """Free laws: priors and evidence beside plain Gaussian arithmetic, their order, what one run holds out."""
 
-import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
+from tests.bristle import make_campaign as make_bristle_campaign
+from tests.bristle.laws import STEP
 from tssgeom.effects import ChannelLag, CreepLaw, FrictionLaw, SensorLaw, StretchLaw
 from tssgeom.identify.fit import Point, base_fit
 from tssgeom.identify.law_finding import curve
@@ -14,6 +15,8 @@ from tssgeom.identify.law_fit import LAW_FIT, Term, fitted, score, straight_mode
 from tssgeom.identify.law_search import Offer, in_order
 from tssgeom.identify.mechanisms import mechanisms
 from tssgeom.identify.readings import readings
+from tssgeom.identify.workflow import discover
+from tssgeom.io.formats.campaigns import read_campaign
 
 
 @pytest.fixture(scope="module")
@@ -72,18 +75,44 @@ def test_a_law_is_fitted_with_a_band_that_holds_the_truth(problem, campaign):
     assert np.mean((law.low <= truth.friction) & (truth.friction <= law.high), where=smooth) > 0.9
 
 
-def offer(name, gain, ratio, veto=""):
-    return Offer(name, "", None, gain, ratio, veto)
+def test_what_a_part_does_for_held_out_runs_counts_like_what_it_does_for_fitted_ones(problem):
+    given, _, base = problem
+    model = fitted(given, base.at, ())
 
+    def offer(mechanism, gain, rise, name="", veto=""):
+        return Offer(mechanism, name, model, gain, rise, veto)
 
-def test_of_parts_with_about_the_same_evidence_the_held_out_runs_choose():
-    best, close, far = offer("a", 100.0, 0.5), offer("b", 95.0, 0.2), offer("c", 50.0, 0.1)
-    refused = offer("d", 200.0, 1.5, "it leaves 150 %")
-    result = in_order([best, close, far, refused])
+    best, other, far = offer("a", 1000.0, 0.0), offer("b", 900.0, -200.0), offer("c", 500.0, 100.0)
+    refused = offer("d", 2000.0, np.inf, veto="what was not fitted contradicts it")
+    result = in_order([best, other, far, refused])
     assert [one.mechanism for one in result] == ["b", "d", "a", "c"]
     assert not result[0].veto
     assert all(one.veto for one in result[1:])
-    assert in_order([replace(best, held_ratio=math.nan)])[0].veto == ""
+    near = offer("e", other.evidence - 0.9 * other.separable, 0.0, "formula")
+    assert in_order([other, near])[0] is near  # a law is not clearly better than this formula
+    worse = offer("e", other.evidence - 1.1 * other.separable, 0.0, "formula")
+    assert in_order([other, worse])[0] is other
+
+
+def of_bristles(folder, cause, seed):
+    """A campaign of the second generator, and what `discover` finds."""
+    make_bristle_campaign(folder, seed, cause)
+    return discover(read_campaign(folder))
+
+
+def test_friction_that_falls_with_speed_is_a_law_with_a_memory(tmp_path):
+    finding = of_bristles(tmp_path / "runs", "stribeck", 101)
+    (one,) = finding.effects
+    assert (finding.verdict, one.names) == ("law", ("friction_over_speed",))
+    (law,) = finding.rig.effects
+    assert law.memory_s == pytest.approx(STEP.memory_s, rel=0.25)
+
+
+def test_contacts_that_break_away_after_a_path_get_no_wrong_name(tmp_path):
+    finding = of_bristles(tmp_path / "runs", "presliding", 100)
+    assert finding.verdict == "unknown"
+    assert finding.effects == ()
+    assert "help" in finding.sentence
 
 
 def test_a_single_run_holds_out_its_last_cycles(campaign):

@@ -7,7 +7,7 @@ import pytest
 from tests.worked_finding import worked_finding
 from tssgeom.identify.finding import Estimate, Misfit
 from tssgeom.identify.misfit import held_out_change
-from tssgeom.identify.verdict import Judgement, number, sentence
+from tssgeom.identify.verdict import Judgement, number, sentence, why_unknown
 
 
 def misfit(before: float, after: float) -> Misfit:
@@ -41,6 +41,26 @@ NOT_FITTED = "of the disagreement on runs that were not fitted"
 )
 def test_a_misfit_falls_only_where_it_falls(before: float, after: float, end: str):
     assert words("effect", before, after).endswith(f"; {end}")
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "unknown"),
+    [
+        ((7.5, 6.0), (1.5, 1.4), True),
+        ((7.5, 6.0), (0.7, 1.4), False),  # a tenth of what it was
+        ((7.5, 6.0), (1.5, 0.3), False),  # the held-out runs agree
+        ((7.5,), (1.5,), True),
+    ],
+)
+def test_parts_that_leave_much_on_fitted_and_on_held_out_runs_are_no_name(before, after, unknown):
+    reason = why_unknown(["creep", "backlash"], before, after)
+    assert bool(reason) == unknown
+    assert not unknown or reason.startswith("creep and backlash help, but 1.5 times the detection limit")
+
+
+def test_without_a_part_it_is_unknown_what_the_sensors_do_not_explain():
+    assert why_unknown([], (1.7, 0.1), (1.7, 0.1)).startswith("1.7 times the detection limit")
+    assert why_unknown([], (0.9, 3.0), (0.9, 3.0)) == ""
 
 
 def test_without_held_out_runs_the_sentence_has_nothing_on_them():

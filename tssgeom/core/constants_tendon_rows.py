@@ -80,13 +80,15 @@ class PlantNumbers(NamedTuple):
     """Of the second element of creep [s]."""
     creep_time_3: int = 16
     """Of the third [s]."""
-    curved: int = 17
+    speed_memory: int = 17
+    """Time in which friction follows the speed [s]."""
+    curved: int = 18
     """Stretch is no straight line over tension."""
-    by_rate: int = 18
+    by_rate: int = 19
     """Friction depends on the speed of sliding."""
-    varied: int = 19
+    varied: int = 20
     """The cone depends on tension, travel or speed."""
-    swift: int = 20
+    swift: int = 21
     """Nothing but the drive moves the tendon: one sweep gives the answer."""
 
 

@@ -7,9 +7,9 @@
 #include <string.h>
 
 size_t memory_bytes(int64_t k) { return (size_t)(9 * (k + 1) + 7) * sizeof(double); }
-size_t plant_bytes(int64_t k) { return (size_t)(16 * (k + 1) + 428) * sizeof(double); }
+size_t plant_bytes(int64_t k) { return (size_t)(16 * (k + 1) + 429) * sizeof(double); }
 
-const double *tables_of(int64_t k, const double *plant) { return plant + 16 * (k + 1) + 21; }
+const double *tables_of(int64_t k, const double *plant) { return plant + 16 * (k + 1) + 22; }
 
 /* Whether a law falls anywhere. */
 static int falls(const double *table) {
@@ -41,13 +41,14 @@ bar_laws laws_of(int64_t k, const double *plant) {
     laws.load_exponent = number[PLANT.load_exponent], laws.load_reference = number[PLANT.load_reference];
     laws.wear_gain = number[PLANT.wear_gain], laws.wear_travel = number[PLANT.wear_travel];
     laws.speed_gain = number[PLANT.speed_gain], laws.speed_reference = number[PLANT.speed_reference];
+    laws.speed_memory = number[PLANT.speed_memory];
     laws.curved = number[PLANT.curved] != 0.0, laws.by_rate = number[PLANT.by_rate] != 0.0;
     laws.varied = number[PLANT.varied] != 0.0, laws.swift = number[PLANT.swift] != 0.0;
     laws.loaded = laws.load_exponent != 0.0 || table_of(laws.tables, CURVE.load);
     laws.by_speed = laws.speed_gain != 0.0 || table_of(laws.tables, CURVE.speed);
     laws.worn = laws.wear_gain != 0.0 || table_of(laws.tables, CURVE.travel)
                 || table_of(laws.tables, CURVE.time) || table_of(laws.tables, CURVE.position);
-    laws.now = 1.0, laws.falls = falls(table_of(laws.tables, CURVE.speed));
+    laws.now = 1.0, laws.late = laws.speed_memory > 0.0 || falls(table_of(laws.tables, CURVE.speed));
     return laws;
 }
 
@@ -200,14 +201,15 @@ static void set_bars(const bar_laws *laws, const step_room *room, const creep_sh
 
 /* What sliding so far in a step makes of friction [1], and its slope [1/m]; docs/model.md (52), (185).
 
-   A table that falls anywhere is taken at the speed `before` the step: friction that falls at once has jumps. */
+   A table that falls anywhere, or has a memory, is taken at the speed `before` the step: friction that falls at
+   once has jumps. */
 static double speed_factor(const bar_laws *laws, double slid, double span, double before, double *slope) {
     double gain = laws->speed_gain, path = laws->speed_reference * span, factor = 1.0, rise = 0.0;
     if (gain != 0.0) factor = most(0.0, 1.0 + gain * log1p(slid / path)), rise = gain / (path + slid);
     const double *table = table_of(laws->tables, CURVE.speed);
     if (table) {
-        double turn, value = table_value(table, laws->falls ? before : slid / span, &turn);
-        rise = rise * value + (laws->falls ? 0.0 : factor * turn / span), factor *= value;
+        double turn, value = table_value(table, laws->late ? before : slid / span, &turn);
+        rise = rise * value + (laws->late ? 0.0 : factor * turn / span), factor *= value;
     }
     *slope = rise;
     return factor;
@@ -234,6 +236,13 @@ set_cones(const bar_laws *laws, const bar_memory *memory, const step_room *room,
     }
 }
 
+/* The speed that friction follows after a step, with the sign of the step's; docs/model.md (185). */
+static double followed_speed(const bar_laws *laws, double before, double speed, double span) {
+    if (laws->speed_memory == 0.0) return speed;
+    double kept = exp(-span / laws->speed_memory);
+    return copysign(kept * fabs(before) + (1.0 - kept) * fabs(speed), speed);
+}
+
 /* Write what the step did into the memory; returns whether it is finite. */
 static int
 keep(const bar_laws *laws, bar_memory *memory, const bar_chain *c, const creep_shares shares[], double span) {
@@ -251,7 +260,7 @@ keep(const bar_laws *laws, bar_memory *memory, const bar_chain *c, const creep_s
     for (int64_t i = 0; i < laws->k; i++) {
         memory->displacement[i] += c->w[i];
         memory->travel[i] += fabs(c->w[i]);
-        memory->speed[i] = c->w[i] / span;
+        memory->speed[i] = followed_speed(laws, memory->speed[i], c->w[i] / span, span);
         memory->slip[i] = c->slip[i];
     }
     return 1;

@@ -19,11 +19,11 @@ typedef struct {
     const double *pulling, *releasing, *fitting, *low, *high, *force, *drag;
     const double *tables; /* of CURVE */
     double pretension, load, saved_scale, clearance, creep_time[CREEPS], load_exponent, load_reference;
-    double wear_gain, wear_travel, speed_gain, speed_reference, backlash;
+    double wear_gain, wear_travel, speed_gain, speed_reference, speed_memory, backlash;
     double now; /* factor of all friction in this step, by time and position [1] */
     int curved, by_rate, varied, swift;
     int loaded, by_speed, worn; /* whether friction depends on tension; on speed; on what was before */
-    int falls;                  /* whether it falls with speed anywhere */
+    int late;                   /* whether it follows the speed before the step */
 } bar_laws;
 
 /* What one step leaves to the next: the rows of MEMORY and the numbers of HELD. */

@@ -26,17 +26,17 @@ void set_cones_of(int64_t k, double *own) {
 }
 
 int64_t tss_step_ensemble(
-    int64_t n, int64_t k, const double edge[k], int64_t d, const double plant[16 * (k + 1) + 428],
-    const double slope[d][16 * (k + 1) + 428], const double shift[n][d],
+    int64_t n, int64_t k, const double edge[k], int64_t d, const double plant[16 * (k + 1) + 429],
+    const double slope[d][16 * (k + 1) + 429], const double shift[n][d],
     const double memory[n][9 * (k + 1) + 7], int64_t p, const double length[p], const double angle[p],
     const double gain[n], int64_t m, const double bends[m][3], int64_t moved, int64_t by_force,
     int64_t was_by_force, const double position[n], const double drive[n], double span, double warmth,
-    double after[n][9 * (k + 1) + 7], double ends[n][4], double own[16 * (k + 1) + 428],
+    double after[n][9 * (k + 1) + 7], double ends[n][4], double own[16 * (k + 1) + 429],
     double pieces[6][p + 2 * m], double work[24][k + 1]) {
     if (k < 2 || p == 0) return 0;
     for (int64_t j = 0; j < n; j++) {
         double read[6];
-        set_plant(k, d, plant, slope[0], 16 * (k + 1) + 428, shift[j], own);
+        set_plant(k, d, plant, slope[0], 16 * (k + 1) + 429, shift[j], own);
         memcpy(after[j], memory[j], memory_bytes(k));
         if (moved) {
             for (int64_t i = 0; i < p; i++) pieces[5][i] = angle[i] * gain[j];

@@ -63,7 +63,7 @@ static int try_tendon(const sample *it, int64_t i, const double z[], end_forces 
         end += it->distal[i * it->m + j] * z[j];
     }
     memcpy(block, before, memory_bytes(k));
-    bar_laws laws = laws_of(k, it->plant + i * (16 * (k + 1) + 428));
+    bar_laws laws = laws_of(k, it->plant + i * (16 * (k + 1) + 429));
     bar_memory memory = memory_of(k, block);
     step_room room = room_of(k, it->work);
     begin_room(&laws, &room);
@@ -204,7 +204,7 @@ static void read_ends(const sample *it, const double z[], double ends[]) {
     int64_t k = it->k, m = it->m;
     double unused;
     for (int64_t i = 0; i < it->n; i++) {
-        bar_laws laws = laws_of(k, it->plant + i * (16 * (k + 1) + 428));
+        bar_laws laws = laws_of(k, it->plant + i * (16 * (k + 1) + 429));
         bar_memory kept = memory_of(k, it->trial + i * (9 * (k + 1) + 7));
         double *row = ends + 4 * i, moved = it->end[i], pulled = it->drive[i];
         for (int64_t a = 0; a < m; a++)
@@ -217,7 +217,7 @@ static void read_ends(const sample *it, const double z[], double ends[]) {
 }
 
 int64_t tss_march_machine(
-    int64_t n, int64_t k, const double plant[n][16 * (k + 1) + 428], const double memory[n][9 * (k + 1) + 7],
+    int64_t n, int64_t k, const double plant[n][16 * (k + 1) + 429], const double memory[n][9 * (k + 1) + 7],
     int64_t m, const double proximal[n][m], const double distal[n][m], const double stiffness[m],
     const double gravity[m][2], const double friction[m], const double at_rest[m], const double start[m],
     int64_t by_force, int64_t s,
@@ -252,15 +252,15 @@ int64_t tss_march_machine(
 }
 
 int64_t tss_step_machines(
-    int64_t c, int64_t n, int64_t k, int64_t d, const double plant[n][16 * (k + 1) + 428],
-    const double slope[d][n * (16 * (k + 1) + 428)], const double shift[c][d],
+    int64_t c, int64_t n, int64_t k, int64_t d, const double plant[n][16 * (k + 1) + 429],
+    const double slope[d][n * (16 * (k + 1) + 429)], const double shift[c][d],
     const double memory[c][n * (9 * (k + 1) + 7)], int64_t m, const double proximal[c][n * m],
     const double distal[c][n * m], const double stiffness[c][m], const double gravity[c][2 * m],
     const double friction[c], const double at_rest[c][m], const double start[c][m], int64_t by_force,
     const double drive[c][n], const double end[c][n], const double load[c][m], double span, double warmth,
     double after[c][n * (9 * (k + 1) + 7)], double coordinate[c][m], double ends[c][4 * n],
-    double own[n][16 * (k + 1) + 428], double work[21][k + 1]) {
-    int64_t size = 16 * (k + 1) + 428;
+    double own[n][16 * (k + 1) + 429], double work[21][k + 1]) {
+    int64_t size = 16 * (k + 1) + 429;
     if (k < 2 || n < 1 || m > MOST || !isfinite(span + warmth)) return 0;
     for (int64_t j = 0; j < c; j++) {
         double sum = 0.0;

@@ -112,6 +112,7 @@ class Setup:
     load_reference_N: float = 10.0
     speed_gain: float = 0.0
     speed_reference_m_per_s: float = 1e-3
+    speed_memory_s: float = 0.0
     drag_Ns_per_m2: float = 0.0
     straight_friction_N_per_m: float = 0.0
     curvature_gain_m: float = 0.0

@@ -7,6 +7,7 @@ ends. Source: F. N. Fritsch, R. E. Carlson, Monotone piecewise cubic interpolati
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Literal, TypeAlias
 
@@ -50,14 +51,22 @@ class FrictionLaw(Effect, frozen=True):
     """[k] What friction depends on, increasing, in SI."""
     factor: tuple[float, ...]
     """[k] Friction over the coefficient of the rig [1]."""
+    memory_s: float = 0.0
+    """Time in which friction follows the speed [s]."""
 
     def __post_init__(self) -> None:
         check_points("friction_law", self.x, self.factor, "factor")
+        if not 0.0 <= self.memory_s < math.inf or (self.memory_s and self.over != "speed"):
+            raise SettingsError(
+                f"effects.friction_law.memory_s is {self.memory_s:g} over {self.over}: give >= 0 s, "
+                "and only over speed"
+            )
         if min(self.factor) < 0.0 or max(self.factor) > _MOST_FACTOR:
             raise SettingsError(f"effects.friction_law.factor: give 0 to {_MOST_FACTOR:g}")
 
     def on(self, setup: Setup) -> Setup:
         """Return the setup with this law in it."""
+        setup = replace(setup, speed_memory_s=self.memory_s) if self.over == "speed" else setup
         return with_curve(setup, Curve(_FRICTION_TABLES[self.over], self.x, self.factor))
 
 

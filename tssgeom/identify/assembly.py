@@ -92,11 +92,6 @@ class Work:
     laws: LawSearch | None = None
     """Where no name explained the readings, and laws helped."""
 
-    @property
-    def chi2_per_reading(self) -> float:
-        """χ² for each reading of what was chosen [1]."""
-        return self.chosen.fit.chi2 / self.chosen.problem.stack.size
-
 
 def base_estimates(fit: Fit, nominal: Rig) -> dict[str, Estimate]:
     """Return friction and compliance with their 95 % intervals; the angle gain blurs friction."""

@@ -42,7 +42,7 @@ def law_ranking(search: LawSearch, chosen: tuple[Candidate, ...]) -> tuple[Candi
 
 def _offered(offer: Offer) -> Candidate:
     fit = offer.fit
-    evidence = Evidence(offer.gain, needed(fit), math.nan, offer.held_ratio)
+    evidence = Evidence(offer.gain, needed(fit), math.nan, math.nan)
     why = f"{offer.veto}." if offer.veto else ""
     if offer.name:
         which = len(fit.at.effects) - 1
@@ -52,7 +52,7 @@ def _offered(offer: Offer) -> Candidate:
     return Candidate((offer.label,), (term.mechanism.effect(term.u),), ({},), evidence, why)
 
 
-def _evidence(search: LawSearch, held_ratio: float, effect: AnyEffect, name: str) -> Evidence:
+def _evidence(search: LawSearch, held_ratio: float, effect: AnyEffect, which: int) -> Evidence:
     fit, problem = search.fit, search.problem
     point = fit.point
     rest = tuple(one for one in point.effects if one != effect)
@@ -61,16 +61,14 @@ def _evidence(search: LawSearch, held_ratio: float, effect: AnyEffect, name: str
         size = size_over_limit(problem.stack, change, detection_limits(problem.stack, problem.rig))
     except FitError:  # the others alone find no equilibrium
         size = math.nan
-    taken = (one for offers in search.rounds for one in offers if not one.veto and one.label == name)
-    gain = max((one.gain for one in taken), default=math.nan)
-    return Evidence(gain, needed(fit), size, held_ratio)
+    return Evidence(search.added[which], needed(fit), size, held_ratio)
 
 
 def _formula(search: LawSearch, held_ratio: float, which: int) -> Candidate:
     effect = search.fit.at.effects[which]
     name = name_of(effect)
     numbers = estimates(as_fit(search.fit), which, search.fit.covariance)
-    return Candidate((name,), (effect,), (numbers,), _evidence(search, held_ratio, effect, name), "")
+    return Candidate((name,), (effect,), (numbers,), _evidence(search, held_ratio, effect, which), "")
 
 
 def _law(search: LawSearch, held_ratio: float, which: int) -> Candidate:
@@ -80,7 +78,7 @@ def _law(search: LawSearch, held_ratio: float, which: int) -> Candidate:
         (name,),
         (effect,),
         ({},),
-        _evidence(search, held_ratio, effect, name),
+        _evidence(search, held_ratio, effect, len(search.fit.at.effects) + which),
         "",
         curve(search.fit, which, _nearest(search, term.mechanism.name)),
     )
@@ -103,10 +101,11 @@ def curve(fit: LawFit, which: int, nearest: tuple[tuple[str, float], ...] = ()) 
     """
     term = fit.terms[which]
     one, start = term.mechanism, fit.at.size + sum(t.mechanism.size for t in fit.terms[:which])
-    own = fit.covariance[start : start + one.size, start : start + one.size]
+    end = start + one.size - one.more
+    own = fit.covariance[start:end, start:end]
     inflated = max(1.0, fit.chi2 / max(len(fit.left), 1))
     if one.name.startswith("friction_over"):
-        shared = fit.covariance[0, start : start + one.size]
+        shared = fit.covariance[0, start:end]
         variance = np.diag(own) + fit.covariance[0, 0] + 2.0 * shared
         spread = NORMAL_95 * np.sqrt(np.maximum(variance, 0.0) * inflated)
         middle = fit.at.friction * one.value(term.u)

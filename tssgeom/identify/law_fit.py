@@ -51,7 +51,7 @@ class Term:
         """Whether any number of the law is at a bound that physics does not give."""
         one = self.mechanism
         return bool(
-            np.any(self.u >= one.upper - 1e-9) or (one.lower < 0.0 and np.any(self.u <= one.lower + 1e-9))
+            np.any(self.u >= one.upper - 1e-9) or np.any((one.lower < 0.0) & (self.u <= one.lower + 1e-9))
         )
 
 

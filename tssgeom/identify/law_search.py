@@ -6,7 +6,6 @@ or that ends at a bound, is not taken.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -16,15 +15,14 @@ from tssgeom.errors import FitError, SettingsError
 from tssgeom.identify.fit import Fit, Point, Problem, freed
 from tssgeom.identify.law_fit import LawFit, Term, fitted, score
 from tssgeom.identify.mechanisms import MECHANISM_OF, Mechanism, mechanisms
-from tssgeom.identify.misfit import MISFIT, UNINFORMATIVE, HeldOut
+from tssgeom.identify.misfit import HeldOut
 from tssgeom.identify.prediction import FINE, simulated
 from tssgeom.identify.screening import (
     Variant,
     detected_size,
-    leftover,
     screening,
 )
-from tssgeom.identify.selection import SEARCH, name_of
+from tssgeom.identify.selection import SEARCH, explained, name_of, without
 from tssgeom.least_squares import SOLVER
 from tssgeom.statistics import EVIDENCE_SCALE
 
@@ -33,15 +31,9 @@ from tssgeom.statistics import EVIDENCE_SCALE
 class LawSearchSettings:
     """How laws are searched, and when one is taken."""
 
-    laws: int = 4
-    """Laws that are fitted after their score test, and best parts that are fitted to the end and judged;
-    chosen for speed."""
-    formulas: int = 3
-    """Formulae that are fitted after theirs; chosen for speed."""
-    close: float = 0.9
-    """Of the gain of the best: from here the held-out runs decide [1]; chosen: both explain the same."""
-    enough: float = 0.3
-    """Of the detection limit: what is left ends the search [1]; chosen."""
+    fitted: int = 4
+    """Laws, and formulae, that are fitted after their score test, and best of both that are fitted to the end
+    and judged; chosen for speed."""
 
 
 LAW_SEARCH = LawSearchSettings()
@@ -57,10 +49,20 @@ class Offer:
     fit: LawFit
     gain: float
     """2 Δ ln Z against the model without it [1]."""
-    held_ratio: float
-    """Held-out misfit over that without the part [1]; NaN where there is none to judge by."""
+    rise: float = 0.0
+    """Of χ² of the held-out runs [1]; infinite where they contradict it."""
     veto: str = ""
     """Why it is not taken; empty where it is."""
+
+    @property
+    def evidence(self) -> float:
+        """2 Δ ln Z, and by how much χ² of the held-out runs falls [1]."""
+        return self.gain - self.rise
+
+    @property
+    def separable(self) -> float:
+        """What another part has to have more of evidence to be clearly better [1]."""
+        return EVIDENCE_SCALE.strong * max(1.0, self.fit.chi2 / len(self.fit.left))
 
     @property
     def label(self) -> str:
@@ -78,6 +80,8 @@ class LawSearch:
     problem: Problem
     base: LawFit
     fit: LawFit
+    added: tuple[float, ...]
+    """By formula, then by law: 2 Δ ln Z against the model without it [1]."""
     rounds: tuple[tuple[Offer, ...], ...]
 
     @property
@@ -121,19 +125,35 @@ def searched(
         if taken is None:
             break
         now = taken.fit
-        nothing_held = held is not None and held.misfit(now.point) <= UNINFORMATIVE
-        if nothing_held or _left(problem, now, limits) < LAW_SEARCH.enough:
+        if explained(now.chi2, problem.stack.size):
             break
-    return LawSearch(problem, start, now, tuple(rounds))
+    return LawSearch(problem, start, *_pruned(problem, now, held, start), tuple(rounds))
+
+
+def _pruned(
+    problem: Problem, fit: LawFit, held: HeldOut | None, base: LawFit
+) -> tuple[LawFit, tuple[float, ...]]:
+    """Return a model without the parts that later ones have made needless, and what each adds; (191)."""
+    named, added = len(fit.at.effects), list[float]()
+    if named + len(fit.terms) < 2:
+        return fit, (2.0 * (fit.log_evidence - base.log_evidence),)
+    for which in range(named + len(fit.terms)):
+        if which < named:
+            at, terms = without(fit.at, which), fit.terms
+        else:
+            at, terms = fit.at, tuple(term for k, term in enumerate(fit.terms) if k != which - named)
+        less = fitted(problem, at, terms)
+        gain = np.inf if less is None else 2.0 * (fit.log_evidence - less.log_evidence)
+        rise = 0.0 if held is None or less is None else held.rise(less.point, fit.point)
+        if less is not None and gain - rise < needed(fit):
+            return _pruned(problem, less, held, base)
+        added.append(gain)
+    return fit, tuple(added)
 
 
 def needed(fit: LawFit) -> float:
     """Return what 2 Δ ln Z has to pass, more where a fit leaves more than the sensors explain; (191)."""
     return EVIDENCE_SCALE.very_strong * max(1.0, fit.chi2 / len(fit.left))
-
-
-def _left(problem: Problem, fit: LawFit, limits: Mapping[str, float]) -> float:
-    return max(leftover(problem, as_fit(fit), limits).values())
 
 
 def as_fit(fit: LawFit) -> Fit:
@@ -152,28 +172,28 @@ def _offers(
     """Return the best laws and formulae on top of a model, the best first, each judged."""
     has = {term.mechanism.name for term in now.terms} | {name_of(effect) for effect in now.at.effects}
     scored = [score(problem, now, one) for one in everything if one.name not in has]
-    best = sorted((one for one in scored if one is not None), key=lambda one: -one[0])[: LAW_SEARCH.laws]
+    best = sorted((one for one in scored if one is not None), key=lambda one: -one[0])[: LAW_SEARCH.fitted]
     starts = [("", now.at, (*now.terms, term), term.mechanism.name) for gain, term in best if gain > 0.0]
     starts += _formula_starts(problem, now, [one for one in formulas if one.name not in has])
     offers = list[Offer]()
     for name, at, terms, mechanism in starts:
         fit = fitted(problem, at, terms, SOLVER.quick)
         if fit is not None:
-            offers.append(Offer(mechanism, name, fit, 2.0 * (fit.log_evidence - now.log_evidence), math.nan))
+            offers.append(Offer(mechanism, name, fit, 2.0 * (fit.log_evidence - now.log_evidence)))
     offers.sort(key=lambda one: -one.gain)
-    judged = [_judged(problem, now, one, held, limits) for one in offers[: LAW_SEARCH.laws]]
-    rest = [replace(one, veto=LESS) for one in offers[LAW_SEARCH.laws :]]
+    judged = [_judged(problem, now, one, held, limits) for one in offers[: LAW_SEARCH.fitted]]
+    rest = [replace(one, veto=LESS) for one in offers[LAW_SEARCH.fitted :]]
     return in_order(judged) + rest
 
 
 def in_order(judged: Sequence[Offer]) -> list[Offer]:
     """Return judged offers, that to be taken first.
 
-    Of those with about the evidence of the best it is the one that does most for what was not fitted.
+    It is the one with most evidence, held-out runs included; a formula where a law is not clearly better.
     """
-    sound = sorted((one for one in judged if not one.veto), key=lambda one: -one.gain)
-    close = [one for one in sound if one.gain > LAW_SEARCH.close * sound[0].gain]
-    first = min(close, key=lambda one: np.nan_to_num(one.held_ratio, nan=math.inf), default=None)
+    sound = sorted((one for one in judged if not one.veto), key=lambda one: -one.evidence)
+    close = [one for one in sound if sound[0].evidence - one.evidence < one.separable]
+    first = next((one for one in close if one.name), sound[0] if sound else None)
     others = [replace(one, veto=LESS) for one in sound if one is not first]
     vetoed = [one for one in judged if one.veto]
     return ([] if first is None else [first]) + sorted([*others, *vetoed], key=lambda one: -one.gain)
@@ -188,7 +208,7 @@ def _formula_starts(
     out, named = list[tuple[str, Point, tuple[Term, ...], str]](), set[str]()
     for test in tests:
         name = test.variant.name
-        if name in named or len(named) >= LAW_SEARCH.formulas:
+        if name in named or len(named) >= LAW_SEARCH.fitted:
             continue
         named.add(name)
         typical = abs(test.variant.effect.parameters[test.variant.amplitude].typical)
@@ -209,8 +229,7 @@ def _judged(
         return replace(one, veto=f"its evidence of {one.gain:.1f} is below {least:.1f}")
     fit = fitted(problem, one.fit.at, one.fit.terms) or one.fit
     gain = 2.0 * (fit.log_evidence - now.log_evidence)
-    ratio = _held_ratio(held, now, fit)
-    one = replace(one, fit=fit, gain=gain, held_ratio=ratio)
+    one = replace(one, fit=fit, gain=gain)
     if gain < least:
         return replace(one, veto=f"its evidence of {gain:.1f} is below {least:.1f}")
     size = detected_size(problem, now.left - fit.left, fit.at, limits)
@@ -222,14 +241,8 @@ def _judged(
         return replace(one, veto="one of its numbers is at a bound")
     if not _holds_with_fine_bars(problem, held, fit):
         return replace(one, veto="it finds no equilibrium with finer bars")
-    if not math.isnan(ratio) and ratio > MISFIT.same:
-        return replace(
-            one, veto=f"it leaves {100.0 * ratio:.0f} % of the disagreement of what was not fitted"
-        )
-    rise = 0.0 if held is None else held.rise(now.point, fit.point)
-    if gain - max(rise, 0.0) < least:
-        return replace(one, veto="what was not fitted contradicts it")
-    return one
+    one = replace(one, rise=0.0 if held is None else held.rise(now.point, fit.point))
+    return replace(one, veto="what was not fitted contradicts it") if one.evidence < least else one
 
 
 def _holds_with_fine_bars(problem: Problem, held: HeldOut | None, fit: LawFit) -> bool:
@@ -249,13 +262,3 @@ def _named_at_bound(at: Point) -> bool:
         if value <= own.lower < 0.0 or value >= own.upper or (not own.switch and value <= own.lower):
             return True
     return False
-
-
-def _held_ratio(held: HeldOut | None, before: LawFit, after: LawFit) -> float:
-    """Return the held-out misfit of one model over that of another [1]; NaN where neither shows one."""
-    if held is None:
-        return math.nan
-    first, second = held.misfit(before.point), held.misfit(after.point)
-    if max(first, second) <= UNINFORMATIVE:
-        return math.nan
-    return second / max(first, 1e-12)

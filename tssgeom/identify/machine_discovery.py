@@ -11,14 +11,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from tssgeom.errors import SettingsError
+from tssgeom.errors import FitError, SettingsError
 from tssgeom.identify.finding import Evidence, Finding
-from tssgeom.identify.fit_quality import ROBUST, first_weights
+from tssgeom.identify.fit_quality import ROBUST, weights_of
 from tssgeom.identify.machine_evidence import (
     FittedModel,
     changes,
+    contradicted,
     delta_bic,
     held_out_ratio,
+    held_out_rises,
     modelled,
 )
 from tssgeom.identify.machine_finding import MachineCampaign, MachineWork, NamedZero
@@ -104,7 +106,10 @@ def fitted_to_all(work: MachineWork) -> FittedModel:
     parameters = (*shared, *own)
     start = np.array([at.get((each.kind, each.key, each.run), 0.0) for each in parameters])
     problem = Problem(runs, model.problem.rig, parameters, fitted_rows(runs, held_out=None), FIT.bars)
-    state = fit_round(problem, start, first_weights(problem.measured()), np.ones(len(problem.rows)))
+    channels = problem.model(start)
+    if channels is None:
+        raise FitError("the machine has no equilibrium at the numbers of its fit")
+    state = fit_round(problem, start, *weights_of(problem.left(channels)))
     for _ in range(ROBUST.rounds):
         problem, state = fitted_again(problem, state)
     return modelled(problem, state, model.parts, ())
@@ -165,8 +170,9 @@ def _zeros(chosen: PartSelection, kept: Sequence[MachineRun]) -> tuple[FittedMod
         if both is None:
             continue
         gain, size = delta_bic(*both), max(changes(*both).values())
-        ratio = held_out_ratio(*both)
-        if gain > EVIDENCE_SCALE.very_strong and size > 1.0 and not ratio >= 1.0:
+        ratio, rises = held_out_ratio(*both), held_out_rises(*both)
+        gained = gain - sum(rises.values()) > EVIDENCE_SCALE.very_strong
+        if gained and size > 1.0 and not contradicted(rises):
             named.append(NamedZero(channel, Evidence(gain, EVIDENCE_SCALE.very_strong, size, ratio)))
     if not named:
         return chosen.base, ()

@@ -24,7 +24,7 @@ from tssgeom.identify.machine_run import LIMITS, MachineRun
 from tssgeom.mechanism import numbered
 from tssgeom.plausibility.limits import LIMITS as PLAUSIBLE
 from tssgeom.rig import Rig, with_values
-from tssgeom.statistics import reading_noise, root_mean_square, turns
+from tssgeom.statistics import NORMAL_95, reading_noise, root_mean_square, turns
 from tssgeom.tendon.machine import Start, machine_of, routed
 from tssgeom.tendon.machine_simulation import drive_channels, simulate_machine
 
@@ -56,6 +56,8 @@ class FittedModel:
     """Rms by channel on what is held out [SI]; empty where nothing is."""
     fitted: Mapping[str, float]
     """The same on what is fitted."""
+    held_share: Mapping[str, float]
+    """Readings by channel that are held out, over those that are fitted [1]."""
     fixed: tuple[str, ...] = ()
     """Channels whose zero is held at that of the rig."""
 
@@ -78,13 +80,15 @@ def modelled(
     fixed: Sequence[str] = (),
 ) -> FittedModel:
     """Return a fitted model with what it leaves on fitted and held-out readings."""
-    made = FittedModel(problem, state, tuple(parts), {}, {}, tuple(fixed))
-    inside = _rms_of(_off(problem, problem.rows, problem.answers(state.channels)))
+    made = FittedModel(problem, state, tuple(parts), {}, {}, {}, tuple(fixed))
+    near = _off(problem, problem.rows, problem.answers(state.channels))
     away = _off(problem, fitted_rows(problem.runs, held_out=True), problem.answers(state.channels))
     for run in kept:
         own, there = own_numbers(run, made.rig, fixed)
         away += _off(own, own.rows, own.answers(there.channels))
-    return replace(made, held=_rms_of(away), fitted=inside)
+    count, of_held = _count_of(near), _count_of(away)
+    share = {name: number / count[name] for name, number in of_held.items() if name in count}
+    return replace(made, held=_rms_of(away), fitted=_rms_of(near), held_share=share)
 
 
 def own_numbers(run: MachineRun, rig: Rig, fixed: Sequence[str] = ()) -> tuple[Problem, FitState]:
@@ -110,6 +114,13 @@ def _rms_of(parts: _Off) -> dict[str, float]:
     names = dict.fromkeys(name for name, _ in parts)
     every = {name: np.concatenate([off for other, off in parts if other == name]) for name in names}
     return {name: root_mean_square(off) for name, off in every.items()}
+
+
+def _count_of(parts: _Off) -> dict[str, int]:
+    out = dict[str, int]()
+    for name, off in parts:
+        out[name] = out.get(name, 0) + len(off)
+    return out
 
 
 def delta_bic(before: FittedModel, after: FittedModel) -> float:
@@ -148,19 +159,33 @@ def changes(before: FittedModel, after: FittedModel) -> dict[str, float]:
 
 
 def held_out_ratio(before: FittedModel, after: FittedModel) -> float:
-    """Return the held-out rms of the channels that a part touches over that without it [1]; (197).
+    """Return the held-out rms over that without a part, the root mean square over channels [1].
 
     NaN where nothing is held out.
     """
-    ratios = list(held_out_ratios(before, after).values())
+    ratios = [after.held[name] / max(rms, 1e-15) for name, rms in before.held.items()]
     return math.sqrt(sum(each**2 for each in ratios) / len(ratios)) if ratios else math.nan
 
 
-def held_out_ratios(before: FittedModel, after: FittedModel) -> dict[str, float]:
-    """Return the same by channel that a part touches [1]; of all where it touches none."""
-    size = changes(before, after)
-    touched = [name for name in before.held if size.get(name, 0.0) > 1.0] or list(before.held)
-    return {name: after.held[name] / max(before.held[name], 1e-15) for name in touched}
+def held_out_rises(before: FittedModel, after: FittedModel) -> dict[str, float]:
+    """Return by channel how −2 ln L of what is held out rises by a part [1]; docs/model.md (197).
+
+    Of the same share of readings as is independent in what the better model leaves of the fitted ones.
+    """
+    independent = dict[str, float]()
+    for block, (left, (_, name, _)) in enumerate(zip(after.state.left, after.problem.rows, strict=True)):
+        size = math.hypot(spread(left), _floor(after.problem, block))
+        independent[name] = independent.get(name, 0.0) + len(left) / inflation_of(left / size)
+    return {
+        name: 2.0 * share * independent[name] * math.log(after.held[name] / max(before.held[name], 1e-15))
+        for name, share in after.held_share.items()
+    }
+
+
+def contradicted(rises: Mapping[str, float]) -> str:
+    """Return the channel whose held-out readings contradict a part; empty where none does; (119), (197)."""
+    worst = max(rises, key=lambda name: rises[name], default="")
+    return worst if worst and rises[worst] > NORMAL_95**2 else ""
 
 
 def noise_of(models: Sequence[FittedModel], rig: Rig) -> dict[str, float]:

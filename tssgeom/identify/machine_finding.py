@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tssgeom.arrays import Vector
+from tssgeom.core.constants import CHANCE
 from tssgeom.identify.campaign import Campaign
 from tssgeom.identify.finding import (
     Candidate,
@@ -40,7 +41,7 @@ from tssgeom.identify.machine_problem import FIT
 from tssgeom.identify.machine_run import MachineRun, finely_predicted
 from tssgeom.identify.machine_selection import PartSelection, TriedPart, reordered, without_part
 from tssgeom.identify.misfit import beyond_noise
-from tssgeom.identify.verdict import VERDICT, Judgement, remainder, sentence
+from tssgeom.identify.verdict import Judgement, remainder, sentence
 from tssgeom.rig import Rig, with_values
 from tssgeom.statistics import EVIDENCE_SCALE
 from tssgeom.tendon.machine_simulation import drive_channels
@@ -102,7 +103,7 @@ class MachineWork:
         left = _left(misfit, "after")
         verdict = self._verdict(effects, close, left)
         text = sentence(verdict, effects, base, [part.label for part in close], misfit)
-        if effects and left > VERDICT.wide:
+        if effects and left > CHANCE.clear:
             text = f"{text} {remainder(left)}"
         rig = self._rig(after, effects)
         return Finding(
@@ -132,9 +133,9 @@ class MachineWork:
         name: Verdict = "tie" if close else "effect"
         if effects:
             return Judgement(name, "", False, math.nan)
-        if left <= VERDICT.wide:
+        if left <= CHANCE.clear:
             return Judgement("none", "", False, math.nan)
-        refused = [one for one in self.chosen.steps[0].tried if one.delta_bic > EVIDENCE_SCALE.very_strong]
+        refused = [one for one in self.chosen.steps[0].tried if one.evidence > EVIDENCE_SCALE.very_strong]
         why = f"; of {refused[0].part.label}: {refused[0].why_not.rstrip('.')}" if refused else ""
         reason = (
             f"{left:.2g} times the noise of the channels is left, and no part that may act explains it{why}"
@@ -183,7 +184,7 @@ class MachineWork:
     def _ranking(self) -> Iterator[Candidate]:
         named = {part.label for part in self.chosen.model.parts}
         first = self.chosen.steps[0]
-        top = max((one.delta_bic for one in first.tried), default=0.0)
+        top = max((one.evidence for one in first.tried), default=0.0)
         for one in first.tried:
             yield _ranked(one, top, chosen=one.part.label in named)
 
@@ -274,7 +275,8 @@ def _ranked(one: TriedPart, top: float, *, chosen: bool) -> Candidate:
     after = calibration_of(one.model.problem, one.model.state)
     effect = one.part.effect if isinstance(one.part.effect, RigNumber) else one.model.rig.effects[-1]
     evidence = Evidence(one.delta_bic, EVIDENCE_SCALE.very_strong, one.size, one.held_ratio)
-    why = "" if chosen else one.why_not or f"its ΔBIC is {top - one.delta_bic:.1f} below the best."
+    less = f"its ΔBIC, held-out readings included, is {top - one.evidence:.1f} below the best."
+    why = "" if chosen else one.why_not or less
     return Candidate((one.part.name,), (effect,), (_numbers(one.part, after),), evidence, why)
 
 

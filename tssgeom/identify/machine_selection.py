@@ -18,9 +18,10 @@ from tssgeom.errors import FitError
 from tssgeom.identify.machine_evidence import (
     FittedModel,
     changes,
+    contradicted,
     delta_bic,
     held_out_ratio,
-    held_out_ratios,
+    held_out_rises,
     modelled,
     refused,
 )
@@ -28,10 +29,9 @@ from tssgeom.identify.machine_fit import fit_round, fitted_again
 from tssgeom.identify.machine_parts import PARTS, Part
 from tssgeom.identify.machine_problem import FIT, Problem
 from tssgeom.identify.machine_run import MachineRun
-from tssgeom.identify.misfit import MISFIT
 from tssgeom.identify.selection import SEARCH
 from tssgeom.rig import with_values
-from tssgeom.statistics import EVIDENCE_SCALE
+from tssgeom.statistics import EVIDENCE_SCALE, NORMAL_95
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,8 +40,6 @@ class MachineSearch:
 
     refitted: int = 8
     """Parts that are refitted after the score test; chosen."""
-    promise: float = 4.0
-    """Fall of χ² in the score test from which a part is refitted [1]; chosen: two standard deviations."""
     continued: int = 3
     """Parts whose refit goes on until weights and numbers converge; chosen."""
     steps: int = 6
@@ -60,26 +58,31 @@ class TriedPart:
     delta_bic: float
     size: float
     """Largest change of a channel over what shows [1]."""
+    rise: float
+    """Of −2 ln L of what is held out [1]."""
     held_ratio: float
-    """Held-out rms of the channels it touches over that without [1]; NaN where nothing is held out."""
+    """Held-out rms over that without, over channels [1]; NaN where nothing is held out."""
     refusal: str
     """Why physics, a bound or a channel that it makes worse forbids it; empty where nothing does."""
 
     @property
+    def evidence(self) -> float:
+        """ΔBIC, and by how much −2 ln L of what is held out falls [1]."""
+        return self.delta_bic - self.rise
+
+    @property
     def passes(self) -> bool:
         """Whether evidence, size, held-out readings and physics all allow it."""
-        held = math.isnan(self.held_ratio) or self.held_ratio < 1.0
-        return self.delta_bic > EVIDENCE_SCALE.very_strong and self.size > 1.0 and held and not self.refusal
+        return self.evidence > EVIDENCE_SCALE.very_strong and self.size > 1.0 and not self.refusal
 
     @property
     def why_not(self) -> str:
         """One sentence on why it does not pass; empty where it does."""
-        if self.delta_bic <= EVIDENCE_SCALE.very_strong:
-            return f"its ΔBIC of {self.delta_bic:.1f} is below {EVIDENCE_SCALE.very_strong:.0f}."
+        if self.evidence <= EVIDENCE_SCALE.very_strong:
+            least = f"{EVIDENCE_SCALE.very_strong:.0f}"
+            return f"its ΔBIC, held-out readings included, of {self.evidence:.1f} is below {least}."
         if self.size <= 1.0:
             return f"it changes no channel by more than {self.size:.2g} of the detection limit."
-        if self.held_ratio >= 1.0:
-            return f"with it the held-out rms of what it touches is {self.held_ratio:.3g} times that without."
         return f"{self.refusal}." if self.refusal else ""
 
 
@@ -93,15 +96,14 @@ class PartStep:
     @property
     def chosen(self) -> TriedPart | None:
         """The best that passes; of those with like evidence the one that carries over best."""
-        close = self.close
-        return min(close, key=lambda one: (one.held_ratio, -one.delta_bic)) if close else None
+        return min(self.close, key=lambda one: one.rise, default=None)
 
     @property
     def close(self) -> list[TriedPart]:
         """Those that pass, with an evidence within what separates two."""
         passing = [one for one in self.tried if one.passes]
-        top = max((one.delta_bic for one in passing), default=0.0)
-        return [one for one in passing if top - one.delta_bic < EVIDENCE_SCALE.strong]
+        top = max((one.evidence for one in passing), default=0.0)
+        return [one for one in passing if top - one.evidence < EVIDENCE_SCALE.strong]
 
     @property
     def tied(self) -> list[TriedPart]:
@@ -109,9 +111,7 @@ class PartStep:
         best = self.chosen
         if best is None:
             return []
-        others = [one for one in self.close if one is not best and one.part.label != best.part.label]
-        limit = best.held_ratio / MISFIT.same
-        return [one for one in others if math.isnan(limit) or one.held_ratio <= limit]
+        return [one for one in self.close if one is not best and one.part.label != best.part.label]
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,7 +147,7 @@ def part_step(model: FittedModel, parts: Sequence[Part], kept: Sequence[MachineR
     has = {part.label for part in model.parts}
     lines = _lines(model)
     tests = [_score(model, part, lines) for part in parts if part.label not in has]
-    tests = [one for one in tests if one is not None and one.gain > MACHINE_SEARCH.promise]
+    tests = [one for one in tests if one is not None and one.gain > NORMAL_95**2]
     tests.sort(key=lambda one: -one.gain)
     quick = [_refit(model, one, kept) for one in tests[: MACHINE_SEARCH.refitted]]
     tried = sorted((one for one in quick if one is not None), key=lambda one: -one.delta_bic)
@@ -306,20 +306,19 @@ def _continued(model: FittedModel, one: TriedPart, kept: Sequence[MachineRun]) -
 
 def _tried(model: FittedModel, part: Part, after: FittedModel) -> TriedPart:
     size = max(changes(model, after).values())
-    gain, ratio = delta_bic(model, after), held_out_ratio(model, after)
-    reason = ""
-    if gain > EVIDENCE_SCALE.very_strong:
-        reason = refused(model, after) or _worse(model, after)
-    return TriedPart(part, after, gain, size, ratio, reason)
+    gain, ratio, rises = delta_bic(model, after), held_out_ratio(model, after), held_out_rises(model, after)
+    made = TriedPart(part, after, gain, size, sum(rises.values()), ratio, "")
+    if made.evidence <= EVIDENCE_SCALE.very_strong:
+        return made
+    return replace(made, refusal=refused(model, after) or _worse(model, after, contradicted(rises)))
 
 
-def _worse(model: FittedModel, after: FittedModel) -> str:
+def _worse(model: FittedModel, after: FittedModel, channel: str) -> str:
     """Say which channel a part makes worse on what is held out; empty where it makes none."""
-    ratios = held_out_ratios(model, after)
-    worst = max(ratios, key=lambda name: ratios[name], default="")
-    if not worst or MISFIT.same * ratios[worst] <= 1.0:
+    if not channel:
         return ""
-    return f"with it the held-out rms of {worst} is {ratios[worst]:.3g} times that without"
+    ratio = after.held[channel] / max(model.held[channel], 1e-15)
+    return f"with it the held-out rms of {channel} is {ratio:.3g} times that without"
 
 
 def _at(problem: Problem, u: Vector, model: FittedModel) -> float:

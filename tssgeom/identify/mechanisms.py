@@ -72,7 +72,7 @@ class KnotSettings:
     sensor_unit: float = 5.0
     """Of the noise: unit of the error of a sensor [1]; chosen."""
     lag_s: float = 0.05
-    """Unit of a lag [s]; chosen."""
+    """Unit of a lag, and of the time in which friction follows the speed [s]; chosen."""
     most: float = 2.3
     """Of ln f: friction by more than a factor of ten is at its bound [1]; chosen."""
 
@@ -98,16 +98,18 @@ class Mechanism:
     """Of the value."""
     over: str
     """Name of x with its unit, as in a report."""
-    lower: float = -math.inf
+    lower: float | Vector = -math.inf
     """Least u."""
-    upper: float = math.inf
+    upper: float | Vector = math.inf
     pinned: bool = False
     """Whether the law is 0 at its first knot."""
+    more: int = 0
+    """Numbers behind those of the knots, which the law is no curve of."""
 
     @property
     def size(self) -> int:
         """Numbers that are fitted."""
-        return len(self.warped) - self.pinned
+        return len(self.warped) - self.pinned + self.more
 
     def penalty(self, roughness: float, level: float) -> Matrix:
         """Return the precision of the prior of u [k, k].
@@ -123,7 +125,7 @@ class Mechanism:
         out = np.eye(self.size) / level**2
         if len(t) < 3:
             return out
-        second = np.zeros((len(t) - 2, len(t)))
+        second = np.zeros((len(t) - 2, len(t) + self.more))
         for i in range(len(t) - 2):
             before, after = t[i + 1] - t[i], t[i + 2] - t[i + 1]
             row = np.array([1.0 / before, -1.0 / before - 1.0 / after, 1.0 / after])
@@ -137,16 +139,32 @@ def mechanisms(stack: Stack, rig: Rig) -> tuple[Mechanism, ...]:
     return tuple(one for make in _MAKERS for one in make(stack, rig))
 
 
-def _friction(over: FrictionOver, x: Vector, unit: str, warped: Vector | None = None) -> Mechanism:
+def _friction(over: FrictionOver, x: Vector, unit: str) -> Mechanism:
     knots = tuple(x.tolist())
 
     def effect(u: Vector) -> AnyEffect:
         return FrictionLaw(over=over, x=knots, factor=tuple(np.exp(u).tolist()))
 
-    even = (x - x[0]) / (x[-1] - x[0]) if warped is None else warped
+    even = (x - x[0]) / (x[-1] - x[0])
     name = f"{over}_{unit}"
     bounds = (-KNOTS.most, KNOTS.most)
     return Mechanism(f"friction_over_{over}", x, even, effect, np.exp, "1", name, *bounds)
+
+
+def _friction_over_speed(x: Vector) -> Mechanism:
+    """Return friction over speed that follows it within a time; docs/model.md (185)."""
+    knots, most = tuple(x.tolist()), np.append(np.full(len(x), KNOTS.most), np.inf)
+
+    def value(u: Vector) -> Vector:
+        return np.exp(u[:-1])
+
+    def effect(u: Vector) -> AnyEffect:
+        memory = KNOTS.lag_s * math.exp(u[-1])
+        return FrictionLaw(over="speed", x=knots, factor=tuple(value(u).tolist()), memory_s=memory)
+
+    even = np.linspace(0.0, 1.0, len(x))
+    law = "friction_over_speed", x, even, effect, value, "1", "speed_m_per_s"
+    return Mechanism(*law, -most, most, more=1)
 
 
 def _frictions(stack: Stack, rig: Rig) -> Iterator[Mechanism]:
@@ -157,8 +175,7 @@ def _frictions(stack: Stack, rig: Rig) -> Iterator[Mechanism]:
     fast = _fastest(runs)
     if fast > 0.0:
         moving = np.geomspace(KNOTS.slow, 1.0, KNOTS.usual - 1)
-        warped = np.arange(KNOTS.usual) / (KNOTS.usual - 1.0)
-        yield _friction("speed", fast * np.concatenate(([0.0], moving)), "m_per_s", warped)
+        yield _friction_over_speed(fast * np.concatenate(([0.0], moving)))
     every = np.concatenate([run.route.arcs.angle / run.route.arcs.length for run in runs])
     curved = every[every > 0.0].tolist()
     if curved and max(curved) - min(curved) > KNOTS.least_span * max(curved):

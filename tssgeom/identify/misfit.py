@@ -12,12 +12,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from tssgeom.arrays import Matrix, Vector, read_only
+from tssgeom.core.constants import CHANCE
 from tssgeom.errors import FitError
 from tssgeom.identify.finding import PHASES, Misfit, Trace
 from tssgeom.identify.fit import Point, Problem, posed
 from tssgeom.identify.fit_quality import ROBUST
 from tssgeom.identify.prediction import FINE, exact, stacked, total_sigma
 from tssgeom.identify.readings import Reading
+from tssgeom.identify.screening import leftover
 from tssgeom.rig import Rig
 from tssgeom.statistics import NORMAL_95, root_mean_square
 from tssgeom.tendon.bars.model import Model, RunTrace, begin, carry_on, prepare
@@ -25,15 +27,13 @@ from tssgeom.tendon.bars.model import Model, RunTrace, begin, carry_on, prepare
 
 @dataclass(frozen=True, slots=True)
 class MisfitSettings:
-    """What counts as held, and as a misfit.
+    """What counts as held.
 
     Frozen on the development seeds of `benchmarks.discovery`.
     """
 
     still: float = 0.05
     """Of the median step in motion: a slower drive is a hold [1]; chosen."""
-    same: float = 0.95
-    """Of a misfit: one that differs by less has neither fallen nor grown [1]; chosen: two digits."""
 
 
 MISFIT = MisfitSettings()
@@ -99,9 +99,20 @@ class HeldOut:
         near = np.minimum(off, ROBUST.huber)
         return float(np.sum(near * (2.0 * off - near)))
 
-    def widens(self, before: Point, after: Point) -> bool:
-        """Whether a second model leaves a wider misfit than a first, both beyond what is uninformative."""
-        return self.misfit(after) > max(self.misfit(before), UNINFORMATIVE)
+    def explained(self, at: Point) -> bool:
+        """Whether χ² is that of chance, or what a model leaves is not clearly beyond the detection limits."""
+        beyond = self._chi2(at) / self.problem.stack.size - 1.0
+        return (
+            beyond < CHANCE.clear * math.sqrt(2.0 / self.problem.stack.size)
+            or self.leftover(at) < CHANCE.clear
+        )
+
+    def leftover(self, at: Point) -> float:
+        """Return what a model leaves of the worst channel over its limit [1]; infinite as `misfit`."""
+        try:
+            return leftover(self.problem, self.problem.left(at))
+        except FitError:
+            return math.inf
 
     def ratio(self, at: Point) -> float:
         """Return the misfit over that of the base model [1]; NaN where that shows none."""

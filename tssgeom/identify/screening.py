@@ -287,13 +287,16 @@ def detected_size(problem: Problem, change: Vector, at: Point, limits: Mapping[s
     return min([size, *(width / noise for width in plays if noise)])
 
 
-def leftover(problem: Problem, fit: Fit, limits: Mapping[str, float]) -> dict[str, float]:
-    """Return by channel what is left beyond white noise, rms over its detection limit [1]; (113)."""
-    stack, out = problem.stack, dict[str, float]()
-    square = np.square(fit.residual[: stack.size])
+def leftover(problem: Problem, left: Vector) -> float:
+    """Return what is left beyond white noise of the worst channel, rms over its detection limit [1]; (113).
+
+    `left` is measured less simulated [rows] [N, m].
+    """
+    stack, limits, most = problem.stack, detection_limits(problem.stack, problem.rig), 0.0
+    square = np.square(problem.whitening.whitened(left)[: stack.size])
     for name in dict.fromkeys(block.channel for block in stack.blocks):
         rows = np.concatenate([np.r_[block.rows] for block in stack.blocks if block.channel == name])
         beyond = max(float(square[rows].mean()) - 1.0, 0.0)
         sigma = float(np.sqrt(np.mean(np.square(problem.whitening.sigma[rows]))))
-        out[name] = np.sqrt(beyond) * sigma / limits[name]
-    return out
+        most = max(most, math.sqrt(beyond) * sigma / limits[name])
+    return most

@@ -9,6 +9,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from tssgeom.core.constants import CHANCE
 from tssgeom.effects import AnyEffect, snake
 from tssgeom.errors import FitError
 from tssgeom.identify.fit import Fit, Point, Problem, posed, refined
@@ -37,18 +38,13 @@ class SearchSettings:
 
     most: int = 3
     """Effects that are named at most; chosen."""
-    refitted: int = 5
-    """Best candidates that are refitted with the error model about the best; chosen for speed."""
-    clear: float = 4.0
-    """S.d. of χ² beyond which a model leaves more than the sensors explain [1]; chosen."""
+    refitted: int = 6
+    """Best candidates whose refit goes on, also with the error model about the best, and that are tried
+    instead of one that was chosen; chosen for speed."""
     half: float = 0.5
     """Of χ² beyond the sensors: two effects that leave more end the search [1]; chosen."""
     nonlinear: float = 3.0
     """ΔBIC that a refit may gain beyond its score test [1]; chosen on development seeds."""
-    exchanged: int = 6
-    """Effects that are tried instead of one; chosen for speed."""
-    continued: int = 7
-    """Candidates whose refit goes on; chosen for speed."""
 
 
 SEARCH = SearchSettings()
@@ -122,8 +118,8 @@ def step(
         tests = []
     quick = [one for test in tests if (one := _try(problem, before, score, test, limits))]
     quick.sort(key=lambda one: -one.delta_bic)
-    whole = [_continued(problem, before, one, limits) for one in quick[: SEARCH.continued]]
-    ranked = sorted([*_best_each(whole), *quick[SEARCH.continued :]], key=lambda one: -one.delta_bic)
+    whole = [_continued(problem, before, one, limits) for one in quick[: SEARCH.refitted]]
+    ranked = sorted([*_best_each(whole), *quick[SEARCH.refitted :]], key=lambda one: -one.delta_bic)
     return Step(problem, errors, before, score, least, tuple(_best_each(ranked)))
 
 
@@ -141,7 +137,12 @@ def _quiet(problem: Problem, before: Fit, tests: Sequence[ScoreTest], least: flo
     """Whether a model leaves no more than the sensors explain, and no straight line promises to pass."""
     rows = problem.stack.size
     most = max((test.gain - math.log(rows) * len(test.variant.free) for test in tests), default=0.0)
-    return before.chi2 < rows + SEARCH.clear * math.sqrt(2.0 * rows) and most < least - SEARCH.nonlinear
+    return explained(before.chi2, rows) and most < least - SEARCH.nonlinear
+
+
+def explained(chi2: float, rows: int) -> bool:
+    """Whether a model leaves no more of the readings than the sensors explain."""
+    return chi2 < rows + CHANCE.clear * math.sqrt(2.0 * rows)
 
 
 def _best_each(tried: Sequence[Tried]) -> list[Tried]:
@@ -198,7 +199,7 @@ def reposed(first: Step, held: HeldOut | None) -> Step:
         for one in first.tried[: SEARCH.refitted]
     ]
     if held is not None:
-        few = [replace(one, rise=_rise(before, one.fit, held)) for one in few]
+        few = [replace(one, rise=held.rise(before.at, one.fit.at)) for one in few]
     few.sort(key=lambda one: -one.evidence)
     rest = tried[SEARCH.refitted :]
     return replace(first, problem=problem, errors=errors, before=before, tried=(*few, *rest))
@@ -219,12 +220,6 @@ def _hopeless(base: Fit, problem: Problem, fit: Fit) -> bool:
     """Whether two effects have left more than half of what was to be explained: no third will."""
     beyond = [one.chi2 / problem.stack.size - 1.0 for one in (base, fit)]
     return len(fit.at.effects) > 1 and beyond[1] > max(SEARCH.half * beyond[0], SEARCH.half)
-
-
-def _rise(before: Fit, after: Fit, held: HeldOut) -> float:
-    """Return the rise of χ² of the held-out runs by one more effect [1]; infinite if they contradict it."""
-    wider = before.at.effects and held.widens(before.at, after.at)
-    return math.inf if wider else held.rise(before.at, after.at)
 
 
 @dataclass(frozen=True, slots=True)
@@ -260,7 +255,7 @@ def selected(
             break
         problem, errors, fit = now.problem, now.errors, best.fit
         if len(fit.at.effects) > 1:
-            problem, errors, fit = exchanged(problem, errors, fit, tried, seed)
+            problem, errors, fit = exchanged(problem, errors, fit, tried, held, seed)
     return Selection(
         problem, errors, refined(problem, Point(base.at.friction, base.at.compliance)), fit, tuple(steps)
     )
@@ -276,17 +271,19 @@ def without(at: Point, which: int) -> Point:
 
 
 def exchanged(
-    problem: Problem, errors: Errors, fit: Fit, tried: Sequence[Variant], seed: int
+    problem: Problem, errors: Errors, fit: Fit, tried: Sequence[Variant], held: HeldOut | None, seed: int
 ) -> tuple[Problem, Errors, Fit]:
-    """Replace each effect in turn by the one that fits best there, or by none."""
+    """Replace each effect in turn by the one that fits best there, held-out runs included, or by none."""
     for which in range(len(fit.at.effects) - 1):
         rest = refined(problem, without(fit.at, which))
-        now = step(problem, errors, rest, tried, seed, SEARCH.exchanged)
+        now = step(problem, errors, rest, tried, seed, SEARCH.refitted)
         best = now.tried[0] if now.tried else None
         if best is None or not now.passes(best):
             fit = rest
             break
-        if best.fit.chi2 < fit.chi2 - 1.0 and best.name != name_of(fit.at.effects[which]):
+        rise = 0.0 if held is None else held.rise(fit.at, best.fit.at)
+        better = best.fit.chi2 + rise < fit.chi2 - 1.0
+        if better and best.name != name_of(fit.at.effects[which]):
             posed_again = _posed_about(now)
             if posed_again is not None:
                 problem, errors, (best, *_) = posed_again

@@ -16,8 +16,8 @@ from tssgeom.identify.finding import Candidate, Estimate, Misfit, Verdict
 from tssgeom.identify.fit import Fit, Problem
 from tssgeom.identify.law_fit import LawFit
 from tssgeom.identify.law_words import law_words
-from tssgeom.identify.misfit import MISFIT, UNINFORMATIVE, HeldOut, held_out_change
-from tssgeom.identify.screening import detection_limits, leftover
+from tssgeom.identify.misfit import UNINFORMATIVE, HeldOut, held_out_change
+from tssgeom.identify.screening import leftover
 from tssgeom.identify.selection import Selection, close_candidates, name_of
 
 
@@ -30,14 +30,8 @@ class VerdictLimits:
 
     left: float = 0.65
     """Of the detection limit: rms that may be left of any channel [1]; chosen on development seeds."""
-    share: float = 0.3
-    """Of the misfit before: a larger rest has no name [1]; chosen on development seeds."""
-    held_share: float = 0.2
-    """Of the held-out misfit before: a smaller rest is a right name [1]; chosen on development seeds."""
-    held: float = 0.8
-    """Of the held-out misfit before: with a larger rest the name does not carry over [1]; chosen."""
-    wide: float = 2.0
-    """Held-out misfit in units of the noise that no right name leaves [1]; chosen on development seeds."""
+    share: float = 0.1
+    """Of what was left without any part: a larger rest has no name [1]; chosen on development seeds."""
     bent: float = 5.5
     """S.d. that a cell may be bent beyond its specification [1]; chosen on development seeds."""
 
@@ -62,13 +56,11 @@ def judged(
     first: tuple[Problem, Fit], chosen: Selection, names: tuple[str, ...], held: HeldOut | None
 ) -> Judgement:
     """Say what the selection amounts to; docs/model.md (113), (114)."""
-    problem, base = first
-    limits = detection_limits(problem.stack, problem.rig)
-    before = max(leftover(problem, base, limits).values())
-    after = max(leftover(chosen.problem, chosen.fit, limits).values())
     ratio = math.nan if held is None else held.ratio(chosen.fit.at)
-    misfit = 0.0 if held is None else held.misfit(chosen.fit.at)
-    reason = _unknown(chosen, (before, after), (misfit, ratio))
+    before, after = left_by(*first, held), left_by(chosen.problem, chosen.fit, held)
+    reason = why_unknown([name_of(effect) for effect in chosen.fit.at.effects], before, after)
+    if not reason and not chosen.fit.at.effects and held is not None and not held.explained(first[1].at):
+        reason = f"{after[-1]:.2g} {_LIMIT} is left on the runs that were not fitted"
     bent = "" if reason else _bent(chosen, names)
     if reason or bent:
         return Judgement("unknown", reason or bent, bool(bent), ratio)
@@ -82,33 +74,37 @@ def judged(
     return Judgement("tie" if tied else "effect", "", False, ratio)
 
 
-_HELD = "of the disagreement on what was not fitted"
+def judged_laws(problem: Problem, base: Fit, fit: LawFit, held: HeldOut | None) -> Judgement:
+    """Say what laws and formulae together amount to; docs/model.md (191)."""
+    point = fit.point
+    ratio = math.nan if held is None else held.ratio(point)
+    after = left_by(problem, Fit(point, fit.chi2, fit.residual, fit.jacobian, fit.left), held)
+    parts = [name_of(effect) for effect in fit.at.effects] + [term.mechanism.name for term in fit.terms]
+    reason = why_unknown(parts, left_by(problem, base, held), after)
+    if reason:
+        return Judgement("unknown", reason, False, ratio)
+    remains = f"{after[0]:.2g} {_LIMIT}" if after[0] > VERDICT.left else ""
+    return Judgement("law" if fit.terms else "partial" if remains else "effect", remains, False, ratio)
 
 
-def judged_laws(fit: LawFit, left: float, held_ratio: float) -> Judgement:
-    """Say what laws and formulae together amount to; `left` is over the detection limit [1]; (191)."""
-    if held_ratio > VERDICT.held:
-        return Judgement(
-            "unknown", f"the best laws leave {100.0 * held_ratio:.0f} % {_HELD}", False, held_ratio
-        )
-    remains = f"{left:.2g} times the detection limit of the sensors" if left > VERDICT.left else ""
-    partly = (bool(remains) or held_ratio > VERDICT.share) and not held_ratio < VERDICT.held_share
-    verdict: Verdict = "law" if fit.terms else "partial" if partly else "effect"
-    return Judgement(verdict, remains, False, held_ratio)
+_LIMIT = "times the detection limit of the sensors"
 
 
-def _unknown(chosen: Selection, left: tuple[float, float], held: tuple[float, float]) -> str:
-    (before, after), (misfit, ratio) = left, held
-    if after > VERDICT.left and after > VERDICT.share * before:
-        return (
-            f"with the best effects of the library {after:.2g} times the detection limit of the sensors is "
-            f"left, {before:.2g} times without"
-        )
-    if chosen.fit.at.effects and (
-        ratio > VERDICT.held or (misfit > VERDICT.wide and ratio > VERDICT.held_share)
-    ):
-        return f"the best name leaves {100.0 * ratio:.0f} % of the misfit of the held-out runs"
-    return ""
+def left_by(problem: Problem, fit: Fit, held: HeldOut | None) -> tuple[float, ...]:
+    """Return what a model leaves over the detection limits, of fitted and of held-out runs [1]; (113)."""
+    of_fitted = leftover(problem, fit.left)
+    return (of_fitted,) if held is None else (of_fitted, held.leftover(fit.at))
+
+
+def why_unknown(parts: Sequence[str], before: Sequence[float], after: Sequence[float]) -> str:
+    """Say how much is left where it is much, with parts on held-out runs too, and what helps; else empty."""
+    left = f"{after[0]:.2g} {_LIMIT} is left"
+    if not parts:
+        return left if after[0] > 1.0 else ""
+    much = [now > max(VERDICT.left, VERDICT.share * was) for was, now in zip(before, after, strict=True)]
+    if not all(much):
+        return ""
+    return f"{' and '.join(parts)} help{'s' * (len(parts) == 1)}, but {left}, {before[0]:.2g} times without"
 
 
 def _bent(chosen: Selection, names: tuple[str, ...]) -> str:
@@ -170,11 +166,12 @@ def _held_out_words(before: float, after: float) -> str:
         return ""
     if max(before, after) <= UNINFORMATIVE:
         return "; the held-out runs have no misfit, with it or without"
+    first, last = float(f"{before:.2g}"), float(f"{after:.2g}")
     change = f"from {before:.3g} to {after:.2g} times the noise"
-    if after < MISFIT.same * before:
+    if last < first:
         closed = math.floor(100.0 * (1.0 - after / before))
         return f"; it closes {closed} % of the disagreement on runs that were not fitted ({change})"
-    grows = "grows" if MISFIT.same * after > before else "stays"
+    grows = "stays" if first == last else "grows"
     return f"; but with it the misfit on held-out runs {grows}, {change}"
 
 

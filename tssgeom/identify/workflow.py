@@ -5,7 +5,6 @@ Steps and constants: docs/discovery.md, "How it decides"; equations: docs/model.
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -25,34 +24,19 @@ from tssgeom.identify.attribution import along_routes, heat_map, missing_shapes,
 from tssgeom.identify.campaign import Campaign
 from tssgeom.identify.experiment_design import proposed
 from tssgeom.identify.finding import Finding
-from tssgeom.identify.fit import Fit, Point, Problem, base_fit, columns, posed
+from tssgeom.identify.fit import Fit, Problem, base_fit, columns, posed
 from tssgeom.identify.law_finding import law_candidates, law_ranking
-from tssgeom.identify.law_search import as_fit, searched
+from tssgeom.identify.law_fit import LawFit
+from tssgeom.identify.law_search import as_fit, needed, searched
 from tssgeom.identify.misfit import UNINFORMATIVE, held_out, misfits, traces
 from tssgeom.identify.prediction import Errors, stacked
 from tssgeom.identify.proposal import Asked
 from tssgeom.identify.readings import Reading, readings
-from tssgeom.identify.screening import detection_limits, leftover, variants
-from tssgeom.identify.selection import name_of, selected
+from tssgeom.identify.screening import detection_limits, variants
+from tssgeom.identify.selection import explained, name_of, selected
 from tssgeom.identify.ties import base_ties, ties_of, unobservable
-from tssgeom.identify.verdict import VERDICT, judged, judged_laws, sentence
+from tssgeom.identify.verdict import judged, judged_laws, sentence
 from tssgeom.tendon.bars.model import Drive
-
-
-@dataclass(frozen=True, slots=True)
-class DriveChoice:
-    """When the other drive is tried.
-
-    Frozen on the development seeds of `benchmarks.discovery`.
-    """
-
-    suspect: float = 1.3
-    """χ² for each reading from which the tension is tried as drive [1]; chosen."""
-    explained: float = 1.2
-    """χ² for each reading of a model that explains them [1]; chosen."""
-
-
-DRIVE_CHOICE = DriveChoice()
 
 
 def discover(
@@ -91,7 +75,7 @@ def discover(
     report("fitting friction and compliance", 0.05)
     report("refitting each effect of the library", 0.25)
     work = _worked(campaign, started, seed)
-    if work.judged.verdict == "unknown" or _leaves_much(work):
+    if work.judged.verdict == "unknown" or _leaves_something(work):
         report("trying laws of their own", _LAWS_AT)
         bent = work.judged.bent
         work = _with_laws(campaign, started.runs, work, report)
@@ -113,7 +97,8 @@ def discover(
 
 
 def _explains(work: Work) -> bool:
-    return work.judged.verdict != "unknown" and work.chi2_per_reading < DRIVE_CHOICE.explained
+    chosen = work.chosen
+    return work.judged.verdict != "unknown" and explained(chosen.fit.chi2, chosen.problem.stack.size)
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,11 +111,6 @@ class _Started:
     errors: Errors
     base: Fit
 
-    @property
-    def chi2_per_reading(self) -> float:
-        """χ² for each reading [1]."""
-        return self.base.chi2 / self.problem.stack.size
-
 
 def _started(campaign: Campaign, drive: Drive | None) -> _Started:
     runs, notes = readings(campaign, drive)
@@ -141,7 +121,7 @@ def _started(campaign: Campaign, drive: Drive | None) -> _Started:
 def _by_tension(campaign: Campaign, started: _Started) -> _Started | None:
     """Start from the tension as drive where the position leaves more than the sensors explain."""
     runs = started.runs
-    if started.chi2_per_reading < DRIVE_CHOICE.suspect or runs[0].drive == "tension_in_N":
+    if explained(started.base.chi2, started.problem.stack.size) or runs[0].drive == "tension_in_N":
         return None
     if any("tension_in_N" not in run.measured or len(run.measured) < 2 for run in runs):
         return None
@@ -159,12 +139,13 @@ def _worked(campaign: Campaign, started: _Started, seed: int) -> Work:
     return Work(started.problem, started.base, chosen, held, verdict, absent)
 
 
-def _leaves_much(work: Work) -> bool:
-    """Whether a name leaves enough of the held-out misfit that a law of the same may leave less."""
-    if work.held is None or not work.chosen.fit.at.effects:
+def _leaves_something(work: Work) -> bool:
+    """Whether a name leaves more than the sensors explain, so that a law of the same may leave less."""
+    at = work.chosen.fit.at
+    if not at.effects:
         return False
-    left = work.held.misfit(work.chosen.fit.at)
-    return left > UNINFORMATIVE and left > VERDICT.held_share * work.held.before
+    held = work.held is not None and work.held.misfit(at) > UNINFORMATIVE
+    return held or not explained(work.chosen.fit.chi2, work.chosen.problem.stack.size)
 
 
 def _with_laws(
@@ -176,12 +157,9 @@ def _with_laws(
     search = searched(work.problem, work.base, tried, work.held, limits, lambda step: report(step, _LAWS_AT))
     if not search.taken:
         return work
-    fit = as_fit(search.fit)
-    left = max(leftover(search.problem, fit, limits).values())
-    held_ratio = math.nan if work.held is None else work.held.ratio(search.fit.point)
-    judgement = judged_laws(search.fit, left, held_ratio)
+    judgement = judged_laws(search.problem, work.base, search.fit, work.held)
     named = work.judged.verdict != "unknown"
-    if judgement.verdict == "unknown" or (named and not _much_better(work, search.fit.point)):
+    if judgement.verdict == "unknown" or (named and not _better(work, search.fit)):
         return work
     try:
         posed(stacked(runs), campaign.rig, search.fit.point)
@@ -190,10 +168,11 @@ def _with_laws(
     return replace(work, laws=search, judged=judgement)
 
 
-def _much_better(work: Work, laws: Point) -> bool:
-    """Whether laws leave clearly less of the held-out runs than the names that were chosen."""
-    assert work.held is not None
-    return work.held.misfit(laws) < VERDICT.held * work.held.misfit(work.chosen.fit.at)
+def _better(work: Work, laws: LawFit) -> bool:
+    """Whether laws leave less than the names that were chosen, clearly so on held-out runs."""
+    names = work.chosen.fit
+    clearly = work.held is not None and -work.held.rise(names.at, laws.point) > needed(laws)
+    return clearly and laws.chi2 < names.chi2
 
 
 _LAWS_AT = 0.6  # share of the work done then; chosen

@@ -18,7 +18,7 @@ from tssgeom.identify.finding import (
     Tie,
 )
 from tssgeom.identify.machine_parts import MEANINGS
-from tssgeom.identify.misfit import MISFIT, UNINFORMATIVE, held_out_change
+from tssgeom.identify.misfit import UNINFORMATIVE, held_out_change
 from tssgeom.identify.verdict import parameter, plain
 from tssgeom.view.quantities import CHANNELS, Quantity, quantity
 
@@ -136,7 +136,7 @@ def next_steps(finding: Finding) -> list[str]:
             "Measure one more run, best on another route, with held_out = true: none was held out, so "
             "nothing yet shows that the result carries over."
         )
-    elif finding.verdict != "unknown" and after > max(UNINFORMATIVE, MISFIT.same * before):
+    elif finding.verdict != "unknown" and after > UNINFORMATIVE and after >= before:
         names = ", ".join(trace.run for trace in held)
         if finding.is_machine:
             return [*steps, f"Repeat {names}, and drive it otherwise: the misfit there stays."]

@@ -26,7 +26,7 @@ class Plant(NamedTuple):
     """What stays the same during a run, of b bars and b − 1 contacts."""
 
     block: Vector
-    """[16·b + 428] Rows of `LawRows`, each b long, numbers of `PlantNumbers`, tables of `Tables`."""
+    """[16·b + 429] Rows of `LawRows`, each b long, numbers of `PlantNumbers`, tables of `Tables`."""
 
     @property
     def rows(self) -> Matrix:
@@ -232,6 +232,7 @@ def _numbers(setup: Setup) -> list[float]:
         "wear_travel": setup.wear_travel_m,
         "speed_gain": setup.speed_gain,
         "speed_reference": setup.speed_reference_m_per_s,
+        "speed_memory": setup.speed_memory_s,
         "backlash": setup.backlash_m,
         "friction": setup.friction,
         "asymmetry": setup.asymmetry,
