@@ -136,13 +136,16 @@ def campaign() -> Callable[[], object]:
     """Return the discovery of one campaign, from its files to its report."""
     from pipelines.cli import main
 
-    folder = tempfile.mkdtemp()  # the second run writes over the first
-    call = ["discover", str(SAMPLES / "campaign_hidden_bend"), "--out", folder, "--quiet"]
+    call = ["tssgeom", "discover", str(SAMPLES / "campaign_hidden_bend"), "--quiet", "--out"]
 
     def run() -> None:
-        with contextlib.suppress(SystemExit), contextlib.redirect_stdout(io.StringIO()):
-            sys.argv = ["tssgeom", *call]
-            main()
+        with tempfile.TemporaryDirectory() as folder, contextlib.redirect_stdout(io.StringIO()):
+            sys.argv = [*call, folder]
+            try:
+                main()
+            except SystemExit as end:
+                if end.code:
+                    raise
 
     return run
 

@@ -128,7 +128,11 @@ def _print(paths: Sequence[Path], out: Path | None, fitted: MachineCalibration) 
             else ["not identified", ""]
         )
         rows.append([estimate_title(each), *held, each.unit, assumed])
-    notes = [f"{len(hidden)} numbers of single runs are not identified: see --json"] if hidden else []
+    notes = (
+        [f"not identified, and not listed: {len(hidden)} numbers of runs and routes (--json)"]
+        if hidden
+        else []
+    )
     notes += [
         *fitted.tied,
         *(

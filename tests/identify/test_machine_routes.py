@@ -40,11 +40,14 @@ def run(true_angle, sensed, name, rng):
     return machine_run(name, columns, [Arcs(np.array([0.5]), np.array([sensed]), covariance, "spline")], PAIR)
 
 
-def calibrated(*sensed):
+def calibration(*sensed):
     rng = np.random.default_rng(1)
-    runs = [run(true, known, f"run{k}", rng) for k, (true, known) in enumerate(sensed)]
-    rig = changed(PAIR, friction=Friction(coefficient=0.15))
-    return {each.name: each for each in calibrate_machine(runs, rig, UNKNOWN).estimates}
+    runs = [run(true, sensor, f"run{k}", rng) for k, (true, sensor) in enumerate(sensed)]
+    return calibrate_machine(runs, changed(PAIR, friction=Friction(coefficient=0.15)), UNKNOWN)
+
+
+def calibrated(*sensed):
+    return {each.name: each for each in calibration(*sensed).estimates}
 
 
 def sd(estimate):
@@ -58,6 +61,12 @@ def test_two_routes_that_err_apart_know_friction_better_than_one_by_the_root_of_
     assert friction.value == pytest.approx(0.12, rel=0.005)  # the errors are opposite
     assert "true over sensed angle of run1" in estimates
     assert "route.angle_gain" not in estimates
+
+
+def test_friction_times_angle_of_the_first_route_has_its_own_error_taken_out():
+    product = calibration((2.0, 2.0 * 1.08), (5.0, 5.0)).friction_angle
+    assert product.low < 0.12 * 2.0 < product.high
+    assert sd(product) < 0.2 * ERROR
 
 
 def test_runs_on_one_route_share_its_error():

@@ -77,6 +77,25 @@ def test_intervals_of_few_points_hold_the_turn_of_any_kind_of_route(n):
     assert abs(np.mean(np.clip(off, -5.0, 5.0))) < 0.3
 
 
+def test_intervals_of_few_points_with_directions_hold_the_turn_too():
+    rng, off = np.random.default_rng(43), list[float]()
+    for kind, _ in product(KINDS, range(DRAWS)):
+        course = kind(rng)
+        s = np.linspace(0.0, course.total_length, 6)
+        points = positions(course, s) + 2e-5 * rng.standard_normal((6, 3))
+        ahead, behind = (positions(course, np.clip(s + d, 0.0, course.total_length)) for d in (1e-5, -1e-5))
+        tangents = (ahead - behind) / np.linalg.norm(ahead - behind, axis=1, keepdims=True)
+        tangents += 0.01 * rng.standard_normal((6, 3))
+        route = measure(clean(points, directions=tangents, direction_noise=0.01), 2e-5).arcs
+        off.append((route.total_angle - course.total_angle) / route.total_angle_se)
+    assert np.mean(np.abs(off) < 1.96) >= 0.9
+
+
+def test_points_without_noise_on_a_straight_line_have_no_angle():
+    line = np.column_stack((np.cumsum(np.random.default_rng(0).uniform(0.01, 0.05, 11)), np.zeros((11, 2))))
+    assert measure(clean(line), 0.0).arcs.total_angle == pytest.approx(0.0, abs=1e-6)
+
+
 def smooth_fit(points: np.ndarray, noise: float) -> RouteFit:
     """A spline through points [m]."""
     return measure(clean(points), noise, "spline")

@@ -25,7 +25,7 @@ from tssgeom.identify.machine_evidence import (
 )
 from tssgeom.identify.machine_finding import MachineCampaign, MachineWork, NamedZero
 from tssgeom.identify.machine_fit import fit_from, fit_round, fitted_again, start_of
-from tssgeom.identify.machine_parameters import parameters_of
+from tssgeom.identify.machine_parameters import Parameter, parameters_of
 from tssgeom.identify.machine_parts import parts_of
 from tssgeom.identify.machine_problem import FIT, Problem, fitted_rows
 from tssgeom.identify.machine_run import LIMITS, MachineRun, thinned
@@ -95,16 +95,18 @@ def fitted_to_all(work: MachineWork) -> FittedModel:
     model = work.chosen.model
     runs = (*work.fitted, *work.kept)
     runs = tuple(replace(run, held_out=np.zeros_like(run.held_out)) for run in runs)
-    own = [
-        each for each in parameters_of(runs, work.campaign.rig, work.campaign.uncertain) if each.kind != "rig"
-    ]
-    shared = [each for each in model.problem.parameters if each.kind == "rig"]
-    at = {
-        (each.kind, each.key, each.run): u
-        for each, u in zip(model.problem.parameters, model.state.u, strict=True)
-    }
+    every = parameters_of(runs, work.campaign.rig, work.campaign.uncertain)
+    own = [each for each in every if each.kind != "rig"]
+    of_gain = [each for each in every if each.key == "route.angle_gain"]  # not of one route any more
+    fitted = [each for each in model.problem.parameters if each.kind == "rig"]
+    shared = [each for each in fitted if each.key != "route.angle_gain"] + of_gain
+
+    def named(each: Parameter) -> tuple[str, str, int]:
+        return (each.kind, each.key, -1 if each.kind == "route" else each.run)
+
+    at = {named(each): u for each, u in zip(model.problem.parameters, model.state.u, strict=True)}
     parameters = (*shared, *own)
-    start = np.array([at.get((each.kind, each.key, each.run), 0.0) for each in parameters])
+    start = np.array([at.get(named(each), 0.0) for each in parameters])
     problem = Problem(runs, model.problem.rig, parameters, fitted_rows(runs, held_out=None), FIT.bars)
     channels = problem.model(start)
     if channels is None:

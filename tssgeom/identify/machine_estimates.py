@@ -13,6 +13,7 @@ from scipy.stats import t as student
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.identify.fit_quality import FIT_TEST, ChannelFit, failures, misfits, whiteness
 from tssgeom.identify.machine_held_out import NOTHING_HELD_OUT, HeldOut, contradictions
+from tssgeom.identify.machine_parameters import route_numbers
 from tssgeom.identify.machine_problem import FIT, FitState, Problem
 from tssgeom.identify.machine_run import MachineRun
 from tssgeom.result import Result
@@ -131,10 +132,17 @@ def _estimates(problem: Problem, u: Vector, covariance: Matrix, quantile: float)
 def _friction_angle(problem: Problem, u: Vector, covariance: Matrix, quantile: float) -> MachineEstimate:
     """Return μΦ with the interval that the runs give it, whether or not they part μ from Φ."""
     keys = ("friction.coefficient", "route.angle_rad", "route.angle_gain")
-    at = [j for j, each in enumerate(problem.parameters) if each.key in keys and each.prior.log]
+    first = ("route", str(route_numbers(problem.runs)[0][0]))
+    at = [
+        j
+        for j, each in enumerate(problem.parameters)
+        if (each.kind == "rig" and each.key in keys and each.prior.log) or (each.kind, each.key) == first
+    ]
     share = np.array([problem.parameters[j].prior.sd for j in at])
-    rig = with_values(problem.rig, {problem.parameters[j].key: problem.parameters[j].value(u[j]) for j in at})
-    value = rig.friction.coefficient * routed(problem.runs[0].routes[0], rig).total_angle
+    values = {(each.kind, each.key): each.value(u[j]) for j in at for each in (problem.parameters[j],)}
+    rig = with_values(problem.rig, {key: value for (kind, key), value in values.items() if kind == "rig"})
+    route = problem.runs[0].routes[0].scaled(angle=values.get(first, 1.0))
+    value = rig.friction.coefficient * routed(route, rig).total_angle
     sd, before = math.sqrt(float(share @ covariance[np.ix_(at, at)] @ share)), float(np.linalg.norm(share))
     low, high = value * math.exp(-quantile * sd), value * math.exp(quantile * sd)
     assumed = (value * math.exp(-NORMAL_95 * before), value * math.exp(NORMAL_95 * before))

@@ -17,7 +17,7 @@ from tssgeom.core.constants import CHANCE
 from tssgeom.errors import FitError, SettingsError
 from tssgeom.identify.fit_quality import first_weights, inflation_of, spread
 from tssgeom.identify.machine_fit import fit_round, fitted_again
-from tssgeom.identify.machine_parameters import parameters_of
+from tssgeom.identify.machine_parameters import parameters_of, route_numbers
 from tssgeom.identify.machine_parts import Part
 from tssgeom.identify.machine_problem import FIT, FitState, Problem, fitted_rows
 from tssgeom.identify.machine_run import LIMITS, MachineRun
@@ -71,6 +71,17 @@ class FittedModel:
         }
         return with_values(self.problem.rig, values)
 
+    def on_known_routes(self, run: MachineRun) -> MachineRun:
+        """Return a run that is not fitted with the angles of routes that are, as they were fitted."""
+        pairs = zip(self.problem.parameters, self.state.u, strict=True)
+        factor = {int(each.key): each.value(u) for each, u in pairs if each.kind == "route"}
+        numbers = route_numbers((*self.problem.runs, run))[-1]
+        routes = (
+            arcs.scaled(angle=factor.get(number, 1.0))
+            for arcs, number in zip(run.routes, numbers, strict=True)
+        )
+        return replace(run, routes=tuple(routes))
+
 
 def modelled(
     problem: Problem,
@@ -84,7 +95,7 @@ def modelled(
     near = _off(problem, problem.rows, problem.answers(state.channels))
     away = _off(problem, fitted_rows(problem.runs, held_out=True), problem.answers(state.channels))
     for run in kept:
-        own, there = own_numbers(run, made.rig, fixed)
+        own, there = own_numbers(made.on_known_routes(run), made.rig, fixed)
         away += _off(own, own.rows, own.answers(there.channels))
     count, of_held = _count_of(near), _count_of(away)
     share = {name: number / count[name] for name, number in of_held.items() if name in count}
@@ -93,7 +104,7 @@ def modelled(
 
 def own_numbers(run: MachineRun, rig: Rig, fixed: Sequence[str] = ()) -> tuple[Problem, FitState]:
     """Fit to a run its zeros and its start alone; all else is that of the rig, and zeros `fixed` too."""
-    own = [each for each in parameters_of([run], rig, ()) if each.kind != "rig"]
+    own = [each for each in parameters_of([run], rig, ()) if each.kind not in ("rig", "route")]
     parameters = tuple(each for each in own if each.kind != "zero" or each.key not in fixed)
     problem = Problem((run,), rig, parameters, fitted_rows([run], held_out=None), FIT.bars)
     weight, inflation = first_weights(problem.measured()), np.ones(len(problem.rows))

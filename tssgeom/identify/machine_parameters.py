@@ -12,7 +12,6 @@ from scipy.special import ndtr
 
 from tssgeom.identify.machine_run import LIMITS, MachineRun
 from tssgeom.rig import Rig
-from tssgeom.route.pieces import Arcs
 from tssgeom.uncertain import Prior, Uncertain, assumed
 
 
@@ -26,7 +25,7 @@ class Parameter(NamedTuple):
     run: int = -1
     """The run that it belongs to; −1 for all."""
     key: str = ""
-    """Key of the rig, channel, number of a tendon, or number of a route of `distinct_routes`."""
+    """Key of the rig, channel, number of a tendon, or number of a route of `route_numbers`."""
 
     def value(self, u: float) -> float:
         """Return the number in its unit; a share of friction is even over −1 to 1."""
@@ -42,7 +41,8 @@ def parameters_of(runs: Sequence[MachineRun], rig: Rig, uncertain: Sequence[Unce
     gain, own = rig.shape.angle_gain_sd, list[Parameter]()
     if "route.angle_rad" not in stated and rig.route.angle_rad is None:
         own = list(_of_routes(runs))
-        if len(own) == 1:
+        alone = len(set(itertools.chain.from_iterable(route_numbers(runs)))) == 1
+        if own and alone and "route.angle_gain" not in stated:
             gain, own = math.hypot(gain, own[0].prior.sd), []
     if gain > 0.0:
         stated.setdefault("route.angle_gain", assumed("", 1.0, gain))
@@ -55,37 +55,27 @@ def parameters_of(runs: Sequence[MachineRun], rig: Rig, uncertain: Sequence[Unce
 
 def _of_routes(runs: Sequence[MachineRun]) -> Iterator[Parameter]:
     """Yield the true over the sensed angle of each route whose angle has an error; docs/model.md (234)."""
-    for number, arcs in enumerate(distinct_routes(runs)):
-        on = [k for k, run in enumerate(runs) if any(_same(arcs, each) for each in run.routes)]
-        error = arcs.total_angle_se / arcs.total_angle if arcs.total_angle else 0.0
-        if error > 0.0:
-            name = f"true over sensed angle of {runs[on[0]].name}"
-            if len(runs[on[0]].routes) > 1:
-                name += (
-                    f", route {1 + next(i for i, each in enumerate(runs[on[0]].routes) if _same(arcs, each))}"
-                )
-            run = on[0] if len(on) == 1 else -1
-            yield Parameter(name, "1", assumed("", 1.0, error), "route", run, str(number))
+    first, on = dict[int, tuple[MachineRun, int]](), dict[int, set[int]]()
+    for k, (run, numbers) in enumerate(zip(runs, route_numbers(runs), strict=True)):
+        for which, number in enumerate(numbers):
+            first.setdefault(number, (run, which))
+            on.setdefault(number, set()).add(k)
+    for number, (run, which) in first.items():
+        arcs = run.routes[which]
+        if arcs.total_angle_se > 0.0 and arcs.total_angle > 0.0:
+            of = f"{run.name}, route {which + 1}" if len(run.routes) > 1 else run.name
+            prior = assumed("", 1.0, arcs.total_angle_se / arcs.total_angle)
+            alone = min(on[number]) if len(on[number]) == 1 else -1
+            yield Parameter(f"true over sensed angle of {of}", "1", prior, "route", alone, str(number))
 
 
-def distinct_routes(runs: Sequence[MachineRun]) -> list[Arcs]:
-    """Return the routes of all runs, each once."""
-    out = list[Arcs]()
-    for each in itertools.chain.from_iterable(run.routes for run in runs):
-        if not any(_same(each, known) for known in out):
-            out.append(each)
-    return out
-
-
-def numbers_of_routes(run: MachineRun, routes: Sequence[Arcs]) -> list[int]:
-    """Return the number of each route of a run among the distinct ones."""
-    return [next(i for i, known in enumerate(routes) if _same(each, known)) for each in run.routes]
-
-
-def _same(one: Arcs, other: Arcs) -> bool:
-    return one is other or (
-        np.array_equal(one.length, other.length) and np.array_equal(one.angle, other.angle)
-    )
+def route_numbers(runs: Sequence[MachineRun]) -> list[list[int]]:
+    """Return a number for each route of each run, counted in their order; equal routes have the same."""
+    known = dict[bytes, int]()
+    return [
+        [known.setdefault(arcs.length.tobytes() + arcs.angle.tobytes(), len(known)) for arcs in run.routes]
+        for run in runs
+    ]
 
 
 def _of_run(run: MachineRun, k: int, runs: int) -> Iterator[Parameter]:

@@ -15,7 +15,7 @@ import numpy as np
 
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.errors import FitError, SettingsError
-from tssgeom.identify.machine_parameters import Parameter, distinct_routes, numbers_of_routes
+from tssgeom.identify.machine_parameters import Parameter, route_numbers
 from tssgeom.identify.machine_run import MachineRun, predicted
 from tssgeom.least_squares import SOLVER
 from tssgeom.rig import Rig, with_values
@@ -110,7 +110,7 @@ class Problem:
         }
         scales = {key: value for (kind, key, _), value in values.items() if kind == "route"}
         if scales:
-            numbers = numbers_of_routes(self.runs[k], distinct_routes(self.runs))
+            numbers = route_numbers(self.runs)[k]
             own |= {("route", str(i)): scales.get(str(number), 1.0) for i, number in enumerate(numbers)}
         return own
 

@@ -113,7 +113,7 @@ def _noises(route: Route, noise: float | None) -> tuple[Vector, Vector]:
     """Return noises over the length, and ln of the prior of each."""
     length = float(route.s[-1])
     if noise is not None:
-        return np.array([noise / length]), np.zeros(1)
+        return np.array([max(noise / length, float(np.finfo(np.float64).eps))]), np.zeros(1)
     every = NOISE_PRIOR.typical * 10.0 ** (NOISE_PRIOR.decades * np.array(GRID.sizes))
     every = np.append(every, max(route.noise / length, float(every[0])))
     return every, -0.5 * np.array([noise_price(float(one)) for one in every])

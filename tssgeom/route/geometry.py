@@ -157,7 +157,7 @@ def checked(result: RouteFit, shape: Shape) -> RouteFit:
 def _measured(shape: Shape, noise: float | None, method: Method) -> RouteFit:
     spline = averaged(shape, noise, fit(shape, noise))
     smooth = with_few_points_variance(spline_fit(spline), shape)
-    if are_few(shape.points) and shape.directions is None and not spline.shared_angle_error:
+    if are_few(shape.points) and not spline.shared_angle_error:
         smooth = replace(smooth, turned=turned_between(shape.points, smooth, noise))
     if method == "spline" or not chain_allowed(shape, spline):
         refuse_folded(spline.route)
