@@ -120,6 +120,13 @@ def assumed(key: str, value: float, sd: float) -> Prior:
     return Prior(value, sd, log=False)
 
 
+def behind_gear(key: str, gear: float) -> Prior:
+    """Return what is assumed of an unknown number; play and friction of a motor are before its gear."""
+    prior = UNKNOWNS[key]
+    factor = {"drive.play_rad": gear, "drive.friction_Nm": 1.0 / gear}.get(key, 1.0)
+    return prior._replace(centre=factor * prior.centre)
+
+
 def path_of(key: str) -> list[str | int]:
     """Return the steps to a key: names of tables, and numbers in lists."""
     return [int(part) if part.isdigit() else part for part in re.split(r"[.\[\]]+", key) if part]
@@ -144,7 +151,8 @@ def _of_unknown(key: str, tables: dict[str, Any]) -> Prior:
     if name not in UNKNOWNS:
         known = ", ".join((*UNKNOWNS, "parameters of effects"))
         raise SettingsError(f"{key} cannot be unknown: give a number; {known} can be")
-    return UNKNOWNS[name]
+    gear = tables.get("drive", {}).get("gear", 1.0)
+    return behind_gear(name, float(gear) if isinstance(gear, int | float) and gear > 0.0 else 1.0)
 
 
 def require_known(path: str | Path, uncertain: Sequence[Uncertain]) -> None:

@@ -26,7 +26,7 @@ def results(run, tmp_path: Path, recording: Path, monkeypatch: pytest.MonkeyPatc
     """Results of a pull and release and of a helix, in the folder that the examples name."""
     out = tmp_path / "results"
     helix = ROOT / "sample_shapes/helix.csv"
-    run("batch", recording, helix, "--out", out, "--no-pictures", "--workers", "1", "--quiet")
+    run("batch", recording, helix, "--out", out, "--no-pictures", "--csv", "--workers", "1", "--quiet")
     monkeypatch.chdir(tmp_path)
     return out
 

@@ -19,7 +19,7 @@ from tssgeom.identify.fit import FIT
 from tssgeom.identify.machine_parameters import Parameter, unit_of
 from tssgeom.identify.machine_run import MachineRun
 from tssgeom.rig import Rig, with_values
-from tssgeom.uncertain import UNKNOWNS, Prior
+from tssgeom.uncertain import Prior, behind_gear
 
 
 @dataclass(frozen=True, slots=True)
@@ -253,7 +253,7 @@ def _freed(each: _Choice, rig: Rig) -> Part:
     if now > 0.0:
         prior = Prior(now, PARTS.known * now, log=False)
     else:
-        prior = Prior(0.0, PARTS.wide * UNKNOWNS[each.key].centre, log=False)
+        prior = Prior(0.0, PARTS.wide * behind_gear(each.key, rig.drive.gear).centre, log=False)
     start = now + 0.1 * prior.sd
     number = Number(last, each.key, unit_of(each.key), prior, start, lower)
     return Part(each.name, RigNumber(key=each.key), (number,), each.meaning)
