@@ -14,7 +14,8 @@ needs_tool = pytest.mark.skipif(not TOOL.is_dir(), reason="needs the torques of 
 def test_the_offset_that_the_paper_measured_is_named_slack_take_up(tmp_path, law):
     write_paper_campaign(tmp_path, law)
     finding = discover(read_campaign(tmp_path))
-    assert finding.verdict in ("effect", "tie")
+    # no formula of the library is cubic: what the exponential one leaves may be a law of its own
+    assert finding.verdict in ("effect", "tie") or (law, finding.verdict) == ("cubic", "law")
     assert finding.effects[0].names == ("slack_take_up",)
     slack = finding.effects[0].parameters[0]["slack_m"]
     if law == "exponential":  # the library's own law: the project's target for parameters is 10 %

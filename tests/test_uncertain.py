@@ -82,3 +82,14 @@ def test_what_is_positive_stays_so():
     assert not assumed("end.gravity_at_rad", 0.1, 0.1).log
     assert Prior(0.0, 1.0, log=False).value(-2.0) == -2.0
     assert math.isclose(assumed("x", 2.0, 0.02).sd, 0.01, rel_tol=1e-3)
+
+
+def test_unknown_play_and_friction_of_a_motor_are_before_its_gear(tmp_path):
+    rig = tmp_path / "rig.toml"
+    rig.write_text(
+        '[drive]\nradius_m = 0.01\ngear = 20.0\nplay_rad = "unknown"\nfriction_Nm = "unknown"\n', "utf-8"
+    )
+    priors = {each.key: each.prior for each in read_uncertain_rig(rig)[1]}
+    assert priors["drive.play_rad"].centre == pytest.approx(20.0 * UNKNOWNS["drive.play_rad"].centre)
+    assert priors["drive.friction_Nm"].centre == pytest.approx(UNKNOWNS["drive.friction_Nm"].centre / 20.0)
+    assert priors["drive.play_rad"].sd == UNKNOWNS["drive.play_rad"].sd
