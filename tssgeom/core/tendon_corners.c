@@ -156,7 +156,8 @@ static int64_t through_bars(
     for (int64_t j = 1; j <= k; j++) {
         int keep = phi[j] > phi[last];
         if (keep && j < k) {
-            keep = phi[j + 1] > phi[j];
+            /* of a straight end only the last is kept: it has the slope of the bends before */
+            keep = phi[j + 1] - phi[j] > ROUNDING.exact * phi[k];
             double here = (u[j] - u[last]) / (phi[j] - phi[last]);
             double bend = (u[j + 1] - u[j]) / (phi[j + 1] - phi[j]) - here;
             keep = keep && fabs(bend) * (phi[j + 1] - phi[last]) > 1e3 * ROUNDING.exact;

@@ -215,7 +215,7 @@ def _corners(phi, log_tension):
     keep[0] = True
     last = 0
     for i in range(1, phi.size - 1):
-        if phi[i + 1] <= phi[i] or phi[i] <= phi[last]:
+        if phi[i + 1] - phi[i] <= ROUNDING.exact * phi[-1] or phi[i] <= phi[last]:
             continue
         here = (log_tension[i] - log_tension[last]) / (phi[i] - phi[last])
         bend = (log_tension[i + 1] - log_tension[i]) / (phi[i + 1] - phi[i]) - here

@@ -145,10 +145,13 @@ def on_better_route(state: BarState, before: Arcs, now: Arcs, rig: Rig) -> BarSt
 
 
 def end_slope(state: BarState, arcs: Arcs) -> float:
-    """Return how ln T changes with the curve angle at the distal end [1/rad]; 0 where it is slack."""
-    last, end = state.tension[-2:].tolist()
-    angle = arcs.total_angle - float(discretise(state.edge, arcs).mean_angle[-1])
-    return math.log(end / last) / angle if angle > ROUNDING.relative and min(last, end) > 0.0 else 0.0
+    """Return how ln T changes with the curve angle in the last bend [1/rad]; 0 where the end is slack."""
+    angle = arcs.total_angle - discretise(state.edge, arcs).mean_angle
+    bent = np.flatnonzero(angle > ROUNDING.relative)
+    if len(bent) == 0:
+        return 0.0
+    last, end = float(state.tension[1 + bent[-1]]), float(state.tension[-1])
+    return math.log(end / last) / float(angle[bent[-1]]) if min(last, end) > 0.0 else 0.0
 
 
 def _with_tension(edge: Vector, held: Vector, direction_index: int, arcs: Arcs, rig: Rig) -> BarState:
