@@ -113,6 +113,13 @@ def test_the_option_comes_before_the_file_beside_the_data_and_that_before_the_ri
     )
 
 
+def test_an_empty_file_beside_the_data_states_nothing(tmp_path):
+    path = tmp_path / "run.csv"
+    path.write_text("time_s,tension_in_N\n0,1\n0.1,2\n")
+    (tmp_path / "columns.toml").write_text("")  # as a shell leaves it that writes to it
+    assert read_run(path).tension_in[1] == 2.0
+
+
 @pytest.mark.parametrize(
     ("option", "says"),
     [

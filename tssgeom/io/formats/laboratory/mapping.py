@@ -34,9 +34,9 @@ class Mapped(NamedTuple):
 
 
 class _Listed(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The content of `columns.toml`."""
+    """The content of `columns.toml`; a shell that writes it empties it first, as for `check --suggest >`."""
 
-    columns: dict[str, str]
+    columns: dict[str, str] = msgspec.field(default_factory=dict[str, str])
 
 
 class ColumnMap:
