@@ -9,8 +9,8 @@ import pytest
 
 from tests.worked_finding import without_held_out, worked_finding
 from tssgeom.errors import SourceError
-from tssgeom.identify.finding import Experiment
-from tssgeom.view.finding_wording import next_steps
+from tssgeom.identify.finding import Experiment, RigNumber
+from tssgeom.view.finding_wording import candidate, is_selected, next_steps
 from tssgeom.view.report.finding import write_finding_report
 
 VOID = {"meta", "br", "link", "img", "input", "hr"}
@@ -153,3 +153,20 @@ def test_a_page_that_cannot_be_written_is_an_error_and_leaves_nothing(tmp_path: 
     with pytest.raises(SourceError, match="name another file"):
         write_finding_report(tmp_path / "report.html", worked_finding())
     assert sorted(path.name for path in tmp_path.iterdir()) == ["file", "report.html"]
+
+
+def test_a_gain_of_one_channel_that_is_selected_marks_no_gain_of_another() -> None:
+    finding = worked_finding()
+    of_joint, of_torque = (
+        replace(
+            finding.effects[0],
+            names=("channel_gain",),
+            effects=(RigNumber(key=f"sensors.{channel}.gain"),),
+            parameters=({},),
+        )
+        for channel in ("joint_angle_rad", "motor_torque_Nm")
+    )
+    finding = replace(finding, effects=(of_joint,))
+    assert is_selected(finding, of_joint)
+    assert not is_selected(finding, of_torque)
+    assert candidate(of_torque) == "channel gain of motor torque Nm"

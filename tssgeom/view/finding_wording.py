@@ -115,8 +115,27 @@ def misfit_cell(misfit: MisfitShare) -> str:
 
 
 def candidate(each: Candidate) -> str:
-    """Write the names of a candidate."""
-    return " + ".join(plain(name) for name in each.names)
+    """Write the names of a candidate; one of a channel with its channel."""
+    return " + ".join(
+        " of ".join(filter(None, (plain(name), plain(_channel_of(effect)))))
+        for name, effect in zip(each.names, each.effects, strict=True)
+    )
+
+
+def is_selected(finding: Finding, each: Candidate) -> bool:
+    """Whether all of a candidate acts in what was found; two numbers of one name differ by their channels."""
+    selected = {
+        (name, _channel_of(effect))
+        for part in finding.effects
+        for name, effect in zip(part.names, part.effects, strict=True)
+    }
+    own = {(name, _channel_of(effect)) for name, effect in zip(each.names, each.effects, strict=True)}
+    return bool(selected) and selected >= own
+
+
+def _channel_of(effect: AnyEffect | RigNumber) -> str:
+    key = effect.key if isinstance(effect, RigNumber) else ""
+    return key.split(".")[1] if key.startswith("sensors.") else ""
 
 
 def effect_ties(finding: Finding) -> list[Tie]:

@@ -30,10 +30,9 @@ def ranking_figure(finding: Finding) -> Figure:
 def draw_ranking(axes: Axes, finding: Finding) -> Axes:
     """Draw how much each of the first candidates lowers the information criterion, and its threshold."""
     candidates = listed_candidates(finding)
-    chosen = {name for each in finding.effects for name in each.names}
     rows = range(len(candidates))
     gains = [each.evidence.delta_bic for each in candidates]
-    shades = [BLUE if chosen.issuperset(each.names) and chosen else _PALE for each in candidates]
+    shades = [BLUE if words.is_selected(finding, each) else _PALE for each in candidates]
     axes.barh(rows, gains, color=shades, height=0.7)
     for k, each in enumerate(candidates):
         bar = [each.evidence.threshold] * 2

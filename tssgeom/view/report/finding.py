@@ -215,11 +215,10 @@ def _ranking(finding: Finding) -> str:
     reported = listed_candidates(finding)
     if not reported:
         return ""
-    chosen = {name for each in finding.effects for name in each.names}
     rows = [
         [
             words.candidate(each),
-            "chosen" if chosen and chosen.issuperset(each.names) else each.why_not,
+            "chosen" if words.is_selected(finding, each) else each.why_not,
             f"{each.evidence.delta_bic:.0f}",
             words.ratio(each.evidence.size_over_limit),
             words.ratio(each.evidence.heldout_ratio),
