@@ -169,4 +169,4 @@ def test_a_gain_of_one_channel_that_is_selected_marks_no_gain_of_another() -> No
     finding = replace(finding, effects=(of_joint,))
     assert is_selected(finding, of_joint)
     assert not is_selected(finding, of_torque)
-    assert candidate(of_torque) == "channel gain of motor torque Nm"
+    assert candidate(of_torque) == "channel gain of motor torque"

@@ -116,10 +116,10 @@ def misfit_cell(misfit: MisfitShare) -> str:
 
 def candidate(each: Candidate) -> str:
     """Write the names of a candidate; one of a channel with its channel."""
-    return " + ".join(
-        " of ".join(filter(None, (plain(name), plain(_channel_of(effect)))))
-        for name, effect in zip(each.names, each.effects, strict=True)
-    )
+    pairs = [
+        (plain(name), _channel_of(effect)) for name, effect in zip(each.names, each.effects, strict=True)
+    ]
+    return " + ".join(f"{name} of {quantity(channel).words}" if channel else name for name, channel in pairs)
 
 
 def is_selected(finding: Finding, each: Candidate) -> bool:
