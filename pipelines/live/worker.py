@@ -25,7 +25,7 @@ import numpy as np
 from pipelines.live.kept_files import Rotation, next_recording
 from pipelines.live.messages import unpacked
 from tssgeom.adapt.saved import SavedFilter
-from tssgeom.errors import TssgeomError
+from tssgeom.errors import TssgeomError, out_of_memory
 from tssgeom.io.formats.states import Origin, write_state
 from tssgeom.rig import Rig, write_rig
 from tssgeom.stream import Carried, FrameResult
@@ -238,10 +238,11 @@ def main(role_name: str, *arguments: str) -> int:
     def attempt(work: Callable[[], None]) -> None:
         try:
             work()
-        except TssgeomError as error:
+        except (TssgeomError, MemoryError) as error:
             if not failed_at or monotonic() > failed_at[-1] + _REPORT_INTERVAL:
                 failed_at.append(monotonic())
-                report({"failed": str(error)})
+                reason = out_of_memory(error) if isinstance(error, MemoryError) else error
+                report({"failed": str(reason)})
 
     for kind, content in _messages(sock, lambda: attempt(role.flush), _FLUSH_INTERVAL[role_name]):
         role.take(kind, content)
