@@ -83,8 +83,8 @@ def test_intervals_of_few_points_with_directions_hold_the_turn_too():
         course = kind(rng)
         s = np.linspace(0.0, course.total_length, 6)
         points = positions(course, s) + 2e-5 * rng.standard_normal((6, 3))
-        ahead, behind = (positions(course, np.clip(s + d, 0.0, course.total_length)) for d in (1e-5, -1e-5))
-        tangents = (ahead - behind) / np.linalg.norm(ahead - behind, axis=1, keepdims=True)
+        after, before = (positions(course, np.clip(s + d, 0.0, course.total_length)) for d in (1e-5, -1e-5))
+        tangents = (after - before) / np.linalg.norm(after - before, axis=1, keepdims=True)
         tangents += 0.01 * rng.standard_normal((6, 3))
         route = measure(clean(points, directions=tangents, direction_noise=0.01), 2e-5).arcs
         off.append((route.total_angle - course.total_angle) / route.total_angle_se)

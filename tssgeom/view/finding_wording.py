@@ -123,7 +123,7 @@ def candidate(each: Candidate) -> str:
 
 
 def is_selected(finding: Finding, each: Candidate) -> bool:
-    """Whether all of a candidate acts in what was found; two numbers of one name differ by their channels."""
+    """Whether all of a candidate was selected; two numbers of one name differ by their channels."""
     selected = {
         (name, _channel_of(effect))
         for part in finding.effects
