@@ -119,8 +119,9 @@ def _print(paths: Sequence[Path], out: Path | None, fitted: MachineCalibration) 
     from tssgeom.identify.machine_parameters import unit_of
 
     rows = []
-    hidden = [each for each in fitted.estimates if not (each.key or each.identified)]
-    for each in (*(each for each in fitted.estimates if each not in hidden), fitted.friction_angle):
+    listed = [each for each in fitted.estimates if each.key or each.identified]
+    hidden = len(fitted.estimates) - len(listed)
+    for each in (*listed, fitted.friction_angle):
         assumed = f"{each.assumed[0]:.4g} to {each.assumed[1]:.4g}"
         held = (
             [f"{each.value:.5g}", f"{each.low:.5g} to {each.high:.5g}"]
@@ -129,9 +130,7 @@ def _print(paths: Sequence[Path], out: Path | None, fitted: MachineCalibration) 
         )
         rows.append([estimate_title(each), *held, each.unit, assumed])
     notes = (
-        [f"not identified, and not listed: {len(hidden)} numbers of runs and routes (--json)"]
-        if hidden
-        else []
+        [f"not identified, and not listed: {hidden} numbers of runs and routes (--json)"] if hidden else []
     )
     notes += [
         *fitted.tied,

@@ -4,47 +4,24 @@ from __future__ import annotations
 
 import numpy as np
 
-from tssgeom.adapt.followed_tendon import CARRY
+from tssgeom.adapt.followed_tendon import CARRY, OnSensedRoute
 from tssgeom.adapt.machine_filter import MachineFilter
 from tssgeom.adapt.readings import FollowedRig
-from tssgeom.arrays import Vector
 from tssgeom.core.constants_tendon_rows import MEMORY
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.machine import Machine, MachineState, held_tensions, machine_of, routed
 from tssgeom.tendon.machine_history import MachineHistory
 from tssgeom.tendon.machine_stream import CarriedMachine
-from tssgeom.tendon.moving import unmoved
 
 
-class FollowedMachine:
-    """What a stream carries of the filter of a machine: it is built anew only where it has changed.
-
-    Parameters
-    ----------
-    rig
-        The rig as its file has it.
-    """
+class FollowedMachine(OnSensedRoute):
+    """What a stream carries of the filter of a machine: it is built anew only where it has changed."""
 
     def __init__(self, rig: Rig) -> None:
-        self._first = self.rig = rig
-        self._at: Vector | None = None
+        super().__init__(rig)
         self._machine: Machine | None = None
         self._machine_of: tuple[Rig, Arcs] | None = None
-        self.sensed: Arcs | None = None
-        """The route on which the tendons lie, as sensed."""
-
-    def lies_on(self, arcs: Arcs) -> Arcs:
-        """Return the route on which the tendons lie: as before where it has not moved beyond its errors."""
-        known = self.sensed
-        if known is not None and known is not arcs and unmoved(known, arcs):
-            arcs = arcs if arcs.total_angle_se < CARRY.sharper * known.total_angle_se else known
-        self.sensed = arcs
-        return arcs
-
-    def restart(self, sensed: Arcs | None, rig: Rig) -> None:
-        """Begin with another filter and its rig, its tendons on a route as sensed."""
-        self._at, self.sensed, self.rig = None, sensed, rig
 
     def refresh(self, now: MachineFilter, known: FollowedRig) -> None:
         """Build the rig anew where its numbers have changed."""

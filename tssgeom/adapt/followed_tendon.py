@@ -51,8 +51,8 @@ def memory_on(state: TendonState, arcs: Arcs, rig: Rig) -> tuple[Memory, float] 
     return bars.memory, moved_by
 
 
-class FollowedTendon:
-    """What a stream carries of a filter: it is built anew only where it has changed.
+class OnSensedRoute:
+    """A rig that is followed, and the route on which its tendons lie.
 
     Parameters
     ----------
@@ -61,39 +61,44 @@ class FollowedTendon:
     """
 
     def __init__(self, rig: Rig) -> None:
-        self._first = self.rig = rig
+        self.rig = rig
+        self.sensed: Arcs | None = None
+        """The route on which the tendons lie, as sensed."""
         self._at: Vector | None = None
+        """Numbers from which the rig was built."""
+
+    def lies_on(self, arcs: Arcs) -> Arcs:
+        """Return the route on which the tendons lie: as before where it has not moved beyond its errors."""
+        known = self.sensed
+        if known is not None and known is not arcs and unmoved(known, arcs):
+            arcs = arcs if arcs.total_angle_se < CARRY.sharper * known.total_angle_se else known
+        self.sensed = arcs
+        return arcs
+
+    def restart(self, sensed: Arcs | None, rig: Rig) -> None:
+        """Begin with another filter and its rig, its tendons on a route as sensed."""
+        self._at, self.sensed, self.rig = None, sensed, rig
+
+
+class FollowedTendon(OnSensedRoute):
+    """What a stream carries of a filter: it is built anew only where it has changed."""
+
+    def __init__(self, rig: Rig) -> None:
+        super().__init__(rig)
+        self._sensors = rig.sensors
         self._since = math.nan
-        self._sensed: Arcs | None = None
         self._model: Model | None = None
         self._model_of: tuple[Rig, Arcs, Arcs] | None = None
         self._felt: tuple[Arcs, float, Arcs] | None = None
         self._drive = (math.nan, True)
         self._way, self._front = 1, 0
 
-    @property
-    def sensed(self) -> Arcs | None:
-        """The route on which the tendon lies, as sensed."""
-        return self._sensed
-
-    def lies_on(self, arcs: Arcs) -> Arcs:
-        """Return the route on which the tendon lies: as before where it has not moved beyond its errors."""
-        known = self._sensed
-        if known is not None and known is not arcs and unmoved(known, arcs):
-            arcs = arcs if arcs.total_angle_se < CARRY.sharper * known.total_angle_se else known
-        self._sensed = arcs
-        return arcs
-
-    def restart(self, sensed: Arcs | None, rig: Rig) -> None:
-        """Begin with another filter and its rig, its tendon on a route as sensed."""
-        self._at, self._sensed, self.rig = None, sensed, rig
-
     def refresh(self, now: RigFilter, known: FollowedRig) -> None:
         """Build the rig anew where its numbers have changed, or where that was long ago."""
         at, is_new = self._at, now.time < self._since + CARRY.refresh
         if is_new and at is not None and (np.abs(known.values - at) <= CARRY.moved * known.se).all():
             return
-        self.rig = msgspec.structs.replace(now.rig_now(), sensors=self._first.sensors)
+        self.rig = msgspec.structs.replace(now.rig_now(), sensors=self._sensors)
         self._at, self._since = known.values, now.time
 
     def felt(self, sensed: Arcs) -> Arcs:
@@ -109,8 +114,8 @@ class FollowedTendon:
         self, now: RigFilter, known: FollowedRig, drive: float, by_force: bool, span: float
     ) -> TendonState:
         """Return the mean tendon after a step whose drive went to [N] or [m]."""
-        assert self._sensed is not None
-        route, count = self.felt(self._sensed), len(now.members)
+        assert self.sensed is not None
+        route, count = self.felt(self.sensed), len(now.members)
         block = now.memory[:count].mean(axis=0)
         bars = len(now.edge) + 1
         slip = block[MEMORY.slip * bars : (MEMORY.slip + 1) * bars]

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import msgspec
 import numpy as np
 
+from tssgeom.adapt.ensemble import Ensemble
 from tssgeom.adapt.followed import FollowedNumber, with_numbers
 from tssgeom.adapt.moments import Moment
 from tssgeom.adapt.rig_filter import RigFilter
@@ -78,9 +79,12 @@ class Hypothesis:
         return msgspec.structs.replace(self.rig, effects=(*self.rig.effects, law))
 
 
-def hypotheses(sound: RigFilter, moments: Sequence[Moment], since: float) -> Iterator[Hypothesis]:
-    """Yield the mechanisms that are tried on a filter that was sound until then."""
-    rig = sound.rig_now()
+Numbering = Callable[..., FollowedNumber]
+"""Makes a number of a hypothesis: key, value where it is not followed yet, sd, lower bound, drift an hour."""
+
+
+def numbering(sound: Ensemble) -> Numbering:
+    """Return what makes the numbers of hypotheses: one that a filter follows begins where it stands."""
     known = dict(zip(sound.keys, sound.values.tolist(), strict=True))
 
     def number(
@@ -88,15 +92,54 @@ def hypotheses(sound: RigFilter, moments: Sequence[Moment], since: float) -> Ite
     ) -> FollowedNumber:
         return FollowedNumber(key, known.get(key, value), sd, hourly, lower, math.inf)
 
-    friction, compliance = rig.friction.coefficient, rig.tendon.compliance_per_N
-    length = sound.cut.total_length
-    yield Hypothesis(
+    return number
+
+
+def friction_changed(rig: Rig, number: Numbering) -> Hypothesis:
+    """Return that friction is another one along the whole route."""
+    friction = rig.friction.coefficient
+    return Hypothesis(
         "friction_over_time",
         "along the route",
         (number("friction.coefficient", friction, 0.5 * friction, 0.0),),
         f"friction went from {friction:.3g} to {{:.3g}}",
         rig,
     )
+
+
+def sensed_angle_changed(rig: Rig, number: Numbering, tendons: str) -> Hypothesis:
+    """Return that the sensor of the shape is off since it saw a turn."""
+    return Hypothesis(
+        "sensed_angle",
+        "shape",
+        (number("route.angle_gain", rig.route.angle_gain, 0.3, 0.1),),
+        f"the sensed angle changed and the {tendons} did not feel it: true over sensed is {{:.3g}}",
+        rig,
+        TRIED.shape_first,
+    )
+
+
+def hidden_bends(rig: Rig, number: Numbering, length: float) -> Iterator[Hypothesis]:
+    """Yield bends along a route of a length [m] that the shape does not show; none where the rig has one."""
+    if any(isinstance(effect, HiddenBend) for effect in rig.effects):
+        return
+    for i in range(TRIED.bends):
+        at = length * (i + 0.5) / TRIED.bends
+        yield Hypothesis(
+            "route_angle",
+            f"{at:.2f} m from the proximal end",
+            (number("hidden_bend.angle_rad", 0.0, 0.8, 0.0),),
+            "a bend of {:.2g} rad that the shape does not show",
+            msgspec.structs.replace(rig, effects=(*rig.effects, HiddenBend(at_m=at, angle_rad=0.0))),
+            -math.log(TRIED.bends),
+        )
+
+
+def hypotheses(sound: RigFilter, moments: Sequence[Moment], since: float) -> Iterator[Hypothesis]:
+    """Yield the mechanisms that are tried on a filter that was sound until then."""
+    rig, number = sound.rig_now(), numbering(sound)
+    compliance, length = rig.tendon.compliance_per_N, sound.cut.total_length
+    yield friction_changed(rig, number)
     if not any(isinstance(effect, FrictionLaw) for effect in rig.effects):
         parts = tuple(FollowedNumber(f"part {i}", 1.0, 0.5, 0.0, 0.0, 10.0) for i in range(TRIED.parts))
         yield Hypothesis(
@@ -109,14 +152,7 @@ def hypotheses(sound: RigFilter, moments: Sequence[Moment], since: float) -> Ite
             length,
         )
     if turned(moments, since):
-        yield Hypothesis(
-            "sensed_angle",
-            "shape",
-            (number("route.angle_gain", rig.route.angle_gain, 0.3, 0.1),),
-            "the sensed angle changed and the tendon did not feel it: true over sensed is {:.3g}",
-            rig,
-            TRIED.shape_first,
-        )
+        yield sensed_angle_changed(rig, number, "tendon")
     yield Hypothesis(
         "strain_over_time",
         "along the tendon",
@@ -127,17 +163,7 @@ def hypotheses(sound: RigFilter, moments: Sequence[Moment], since: float) -> Ite
         f"1/EA went from {compliance:.3g} to {{:.3g}} 1/N, the pretension by {{:+.3g}} N",
         rig,
     )
-    if not any(isinstance(effect, HiddenBend) for effect in rig.effects):
-        for i in range(TRIED.bends):
-            at = length * (i + 0.5) / TRIED.bends
-            yield Hypothesis(
-                "route_angle",
-                f"{at:.2f} m from the proximal end",
-                (number("hidden_bend.angle_rad", 0.0, 0.8, 0.0),),
-                "a bend of {:.2g} rad that the shape does not show",
-                msgspec.structs.replace(rig, effects=(*rig.effects, HiddenBend(at_m=at, angle_rad=0.0))),
-                -math.log(TRIED.bends),
-            )
+    yield from hidden_bends(rig, number, length)
     yield Hypothesis(
         "play_at_drive",
         "drive",

@@ -3,22 +3,28 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
-import msgspec
 import numpy as np
 
 from tssgeom.adapt.diagnosis import DIAGNOSIS, Means
-from tssgeom.adapt.followed import FollowedNumber
 from tssgeom.adapt.followed_machine import mean_history
-from tssgeom.adapt.hypotheses import TRIED, Hypothesis, turned
+from tssgeom.adapt.hypotheses import (
+    TRIED,
+    Hypothesis,
+    Numbering,
+    friction_changed,
+    hidden_bends,
+    numbering,
+    sensed_angle_changed,
+    turned,
+)
 from tssgeom.adapt.machine_filter import MachineFilter
 from tssgeom.adapt.moments import RUN, Moment, RunFromHere
 from tssgeom.adapt.readings import noise_variance
 from tssgeom.adapt.watch import WATCH
 from tssgeom.arrays import Matrix
-from tssgeom.effects.route import HiddenBend
 from tssgeom.rig import Rig, Sensor
 from tssgeom.tendon.machine import machine_of, routed
 from tssgeom.tendon.machine_simulation import simulated
@@ -63,33 +69,12 @@ class MachineFromHere(RunFromHere):
 
 def machine_hypotheses(sound: MachineFilter, moments: Sequence[Moment], since: float) -> Iterator[Hypothesis]:
     """Yield the mechanisms that are tried on the filter of a machine that was sound until then."""
-    rig = sound.rig_now()
-    known = dict(zip(sound.keys, sound.values.tolist(), strict=True))
-
-    def number(
-        key: str, value: float, sd: float, lower: float = -math.inf, hourly: float = 0.0
-    ) -> FollowedNumber:
-        return FollowedNumber(key, known.get(key, value), sd, hourly, lower, math.inf)
-
-    friction, compliance = rig.friction.coefficient, rig.tendon.compliance_per_N
-    pretension = rig.tendon.pretension_N
-    yield Hypothesis(
-        "friction_over_time",
-        "along the route",
-        (number("friction.coefficient", friction, 0.5 * friction, 0.0),),
-        f"friction went from {friction:.3g} to {{:.3g}}",
-        rig,
-    )
-    if turned(moments, since):
-        yield Hypothesis(
-            "sensed_angle",
-            "shape",
-            (number("route.angle_gain", rig.route.angle_gain, 0.3, 0.1),),
-            "the sensed angle changed and the tendons did not feel it: true over sensed is {:.3g}",
-            rig,
-            TRIED.shape_first,
-        )
+    rig, number = sound.rig_now(), numbering(sound)
+    compliance, pretension = rig.tendon.compliance_per_N, rig.tendon.pretension_N
     length = sound.cut.total_length
+    yield friction_changed(rig, number)
+    if turned(moments, since):
+        yield sensed_angle_changed(rig, number, "tendons")
     yield Hypothesis(
         "strain_over_time",
         "along the tendons",
@@ -100,17 +85,7 @@ def machine_hypotheses(sound: MachineFilter, moments: Sequence[Moment], since: f
         f"1/EA went from {compliance:.3g} to {{:.3g}} 1/N, the pretension to {{:.3g}} N",
         rig,
     )
-    if not any(isinstance(effect, HiddenBend) for effect in rig.effects):
-        for i in range(TRIED.bends):
-            at = length * (i + 0.5) / TRIED.bends
-            yield Hypothesis(
-                "route_angle",
-                f"{at:.2f} m from the proximal end",
-                (number("hidden_bend.angle_rad", 0.0, 0.8, 0.0),),
-                "a bend of {:.2g} rad that the shape does not show",
-                msgspec.structs.replace(rig, effects=(*rig.effects, HiddenBend(at_m=at, angle_rad=0.0))),
-                -math.log(TRIED.bends),
-            )
+    yield from hidden_bends(rig, number, length)
     by_motor = sound.drive == "motor_angle_rad"
     yield Hypothesis(
         "play_at_drive",
@@ -127,7 +102,7 @@ def machine_hypotheses(sound: MachineFilter, moments: Sequence[Moment], since: f
         yield from _of_sensor(channel, rig, number)
 
 
-def _of_sensor(channel: str, rig: Rig, number: Callable[..., FollowedNumber]) -> Iterator[Hypothesis]:
+def _of_sensor(channel: str, rig: Rig, number: Numbering) -> Iterator[Hypothesis]:
     size = TRIED.zero_noises * math.sqrt(noise_variance(rig.sensors.get(channel)))
     sensor = rig.sensors.get(channel, Sensor())
     zero = f"sensors.{channel}.zero"

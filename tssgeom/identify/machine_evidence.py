@@ -73,14 +73,10 @@ class FittedModel:
 
     def on_known_routes(self, run: MachineRun) -> MachineRun:
         """Return a run that is not fitted with the angles of routes that are, as they were fitted."""
-        pairs = zip(self.problem.parameters, self.state.u, strict=True)
-        factor = {int(each.key): each.value(u) for each, u in pairs if each.kind == "route"}
-        numbers = route_numbers((*self.problem.runs, run))[-1]
-        routes = (
-            arcs.scaled(angle=factor.get(number, 1.0))
-            for arcs, number in zip(run.routes, numbers, strict=True)
-        )
-        return replace(run, routes=tuple(routes))
+        factors = self.problem.route_factors(self.state.u)
+        pairs = zip(run.routes, route_numbers((*self.problem.runs, run))[-1], strict=True)
+        routes = tuple(arcs.scaled(angle=factors.get(number, 1.0)) for arcs, number in pairs)
+        return replace(run, routes=routes)
 
 
 def modelled(

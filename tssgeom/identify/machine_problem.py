@@ -102,17 +102,17 @@ class Problem:
 
     def of_run(self, u: Vector, k: int) -> dict[tuple[str, str], float]:
         """Return the numbers of one run, by kind and key."""
-        values = {
-            (each.kind, each.key, each.run): each.value(x) for each, x in zip(self.parameters, u, strict=True)
-        }
-        own = {
-            (kind, key): value for (kind, key, run), value in values.items() if run == k and kind != "route"
-        }
-        scales = {key: value for (kind, key, _), value in values.items() if kind == "route"}
-        if scales:
-            numbers = route_numbers(self.runs)[k]
-            own |= {("route", str(i)): scales.get(str(number), 1.0) for i, number in enumerate(numbers)}
-        return own
+        factors = self.route_factors(u)
+        numbers = route_numbers(self.runs)[k] if factors else []
+        of_routes = {("route", str(i)): factors.get(number, 1.0) for i, number in enumerate(numbers)}
+        pairs = zip(self.parameters, u, strict=True)
+        own = ((each, x) for each, x in pairs if each.run == k and each.kind != "route")
+        return {(each.kind, each.key): each.value(x) for each, x in own} | of_routes
+
+    def route_factors(self, u: Vector) -> dict[int, float]:
+        """Return the true over the sensed angle of each route whose angle has an error, by its number [1]."""
+        pairs = zip(self.parameters, u, strict=True)
+        return {int(each.key): each.value(x) for each, x in pairs if each.kind == "route"}
 
     def left(self, channels: Sequence[Mapping[str, Vector]]) -> list[Vector]:
         """Return measured less simulated of each block of rows."""

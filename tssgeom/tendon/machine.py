@@ -174,6 +174,8 @@ def play(values: Vector, width: float, engaged: float | None = None) -> Vector:
 def routed(arcs: Arcs, rig: Rig) -> Arcs:
     """Return a route with the length and angle of the rig file, which have no error there."""
     given = rig.route
+    if given.length_m is None and given.angle_rad is None:
+        return arcs.scaled(angle=given.angle_gain)
     if given.angle_rad is not None and arcs.total_angle == 0.0:
         arcs = replace(arcs, angle=read_only(arcs.length / arcs.total_length))
     length = 1.0 if given.length_m is None else given.length_m / arcs.total_length
