@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -39,6 +40,20 @@ def test_no_control_character_of_a_name_reaches_the_terminal(half, tmp_path):
         assert b"\x1b" not in text
         assert b"\x01" not in text
         assert b"\\x1b[31m" in text
+
+
+def locale_of_latin_1() -> str | None:
+    program = shutil.which("locale")
+    names = subprocess.run([program, "-a"], capture_output=True, check=True).stdout if program else b""
+    return next((name for name in names.decode().split() if name.lower().endswith("iso88591")), None)
+
+
+@pytest.mark.skipif(locale_of_latin_1() is None, reason="this machine has no locale of Latin-1")
+def test_a_locale_of_one_byte_a_letter_writes_into_a_folder_with_an_umlaut(half, tmp_path):
+    out = tmp_path / "Übung" / "out"
+    environment = {**os.environ, "LC_ALL": str(locale_of_latin_1())}
+    done = ended("batch", half, "--out", out, "--csv", "--no-pictures", env=environment)
+    assert (done.returncode, (out / "summary.parquet").is_file()) == (0, True), done.stderr
 
 
 def test_answers_that_find_no_room_are_an_error():

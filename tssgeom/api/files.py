@@ -102,9 +102,9 @@ def _save_picture(result: object, path: Path) -> None:
 
 def _write_table(columns: pa.Table, path: Path, kind: str) -> None:
     if kind == ".parquet":
-        import pyarrow.parquet as papq
+        from tssgeom.io.results.tables import write_parquet
 
-        papq.write_table(columns, path)
+        write_parquet(path, columns)
         return
     import pyarrow as pa
     import pyarrow.csv as pacsv
@@ -113,4 +113,5 @@ def _write_table(columns: pa.Table, path: Path, kind: str) -> None:
         if pa.types.is_list(each.type):
             texts = ["; ".join(value or ()) for value in columns.column(k).to_pylist()]
             columns = columns.set_column(k, each.name, pa.array(texts, pa.string()))
-    pacsv.write_csv(columns, path)
+    with path.open("wb") as file:
+        pacsv.write_csv(columns, file)

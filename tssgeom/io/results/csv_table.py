@@ -9,8 +9,7 @@ import pyarrow as pa
 import pyarrow.parquet as papq
 
 from tssgeom.arrays import Vector
-from tssgeom.atomic import replacing
-from tssgeom.io.results.tables import field, plain_name
+from tssgeom.io.results.tables import field, plain_name, write_table
 
 _ROWS = 1 << 14  # that memory holds at once; chosen: as many as a row group of frames
 
@@ -20,13 +19,13 @@ def write_csv(table: Path, path: Path) -> None:
     import pyarrow.compute as pc
     import pyarrow.csv as pacsv
 
-    with papq.ParquetFile(table) as source:
+    with table.open("rb") as held, papq.ParquetFile(held) as source:
         schema = source.schema_arrow
         lists = [k for k, kind in enumerate(schema.types) if pa.types.is_list(kind)]
         plain = pa.schema(
             [each.with_type(pa.string()) if k in lists else each for k, each in enumerate(schema)]
         )
-        with pacsv.CSVWriter(path, plain) as rows:
+        with path.open("wb") as file, pacsv.CSVWriter(file, plain) as rows:
             for batch in source.iter_batches(_ROWS):
                 columns = [
                     pc.call_function("binary_join", [column, pa.scalar("; ")]) if k in lists else column
@@ -44,5 +43,4 @@ def write_channels(path: Path, channels: Mapping[str, Vector]) -> None:
         Where the disk refuses.
     """
     schema = pa.schema([field(name, plain_name(name)) for name in channels])
-    with replacing(path) as draft:
-        papq.write_table(pa.table(dict(channels), schema=schema), draft)
+    write_table(path, pa.table(dict(channels), schema=schema))

@@ -208,7 +208,12 @@ def write_parts(
     Memory holds a row group at a time. Where the iterable ends in an error, both files are incomplete.
     """
     of_frames = frames_schema(of_machine)
-    with papq.ParquetWriter(frames, of_frames) as rows, papq.ParquetWriter(segments, SEGMENTS) as pieces:
+    with (
+        frames.open("wb") as first,
+        segments.open("wb") as second,
+        papq.ParquetWriter(first, of_frames) as rows,
+        papq.ParquetWriter(second, SEGMENTS) as pieces,
+    ):
         chunks = iter(upcoming)
         while group := list(islice(chunks, _ROW_GROUP)):
             for part in group:
@@ -219,7 +224,7 @@ def write_parts(
 
 def write_summary(path: Path, rows: Iterable[Mapping[str, Any]]) -> None:
     """Write `summary.parquet` from rows of `summary_row`."""
-    papq.write_table(pa.Table.from_pylist([dict(row) for row in rows], schema=SUMMARY), path)
+    write_parquet(path, _table(SUMMARY, [*rows]))
 
 
 _PHASES = "pull, pull_to_release (dead zone), release, release_to_pull (dead zone), or hold"
@@ -249,9 +254,7 @@ COMPENSATE = pa.schema(
         field("displacement_out_se_m", "standard error of that movement, the drive at the position"),
         field("tension_out_se_N", "standard error of that tension, the drive at the position"),
         field("displacement_out_se_by_tension_m", "standard error of the movement, the drive at the tension"),
-        field(
-            "tension_out_se_by_tension_N", "standard error of the distal tension, the drive at the tension"
-        ),
+        field("tension_out_se_by_tension_N", "standard error of distal tension, the drive at the tension"),
         field("limited", "limits of the drive that cut the command", _TEXT),
         field("waits", "1 where the drive is held inside the dead zone", _COUNT, unit=""),
         field("out_of_tolerance", "probability of a miss by more than the tolerance", unit="1"),
@@ -338,4 +341,10 @@ def _table(schema: pa.Schema, rows: Sequence[Mapping[str, Any]]) -> pa.Table:
 def write_table(path: Path, table: pa.Table) -> None:
     """Write a table, whole or not at all."""
     with replacing(path) as draft:
-        papq.write_table(table, draft)
+        write_parquet(draft, table)
+
+
+def write_parquet(path: Path, table: pa.Table) -> None:
+    """Write a table to a new file, which Python opens: Arrow takes every name of a file as UTF-8."""
+    with path.open("wb") as file:
+        papq.write_table(table, file)
