@@ -5,7 +5,10 @@ import pytest
 
 from tests.adapt.rigs import errors, followed, rig_of
 from tests.twins import scenarios
+from tssgeom.adapt.followed_tendon import FollowedTendon
 from tssgeom.adapt.follower import Follower
+from tssgeom.rig import GivenRoute, Rig
+from tssgeom.route.pieces import Arcs
 
 
 @pytest.mark.parametrize("seed", [0, 1])
@@ -73,6 +76,13 @@ def test_the_rig_goes_on_without_a_sensor_that_is_unplugged():
     assert follower.filter is not None
     assert "tension_in_N" in follower.filter.muted
     assert known[-1].values[0] == pytest.approx(scenario.machine.friction, rel=0.05)
+
+
+def test_an_angle_gain_scales_the_errors_of_the_sensed_angles():
+    sensed = Arcs(np.array([0.2, 0.3]), np.array([1.0, 0.5]), np.diag([1e-6, 1e-6, 4e-4, 9e-4]), "spline")
+    route = FollowedTendon(Rig(route=GivenRoute(angle_gain=0.5))).felt(sensed)
+    assert route.angle == pytest.approx([0.5, 0.25])
+    assert np.sqrt(np.diag(route.covariance)) == pytest.approx([1e-3, 1e-3, 0.01, 0.015])
 
 
 def test_a_sound_machine_raises_no_alarm():

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import NamedTuple
 
 import msgspec
@@ -107,7 +106,7 @@ class FollowedTendon(OnSensedRoute):
         if gain == 1.0:
             return sensed
         if self._felt is None or self._felt[0] is not sensed or self._felt[1] != gain:
-            self._felt = sensed, gain, replace(sensed, angle=read_only(gain * sensed.angle))
+            self._felt = sensed, gain, sensed.scaled(angle=gain)
         return self._felt[2]
 
     def state(

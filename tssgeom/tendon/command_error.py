@@ -12,7 +12,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tssgeom.arrays import read_only
 from tssgeom.rig import Rig, with_values
 from tssgeom.route.pieces import Arcs
 from tssgeom.route.resolution import NO_ERRORS, SharedErrors
@@ -151,12 +150,9 @@ class Variant:
     def _stepped(
         self, state: TendonState, at: Step, tension_in: float | None, displacement_in: float | None
     ) -> TendonState:
-        arcs = at.arcs
-        if self.angle_gain != 1.0:
-            arcs = replace(arcs, angle=read_only(arcs.angle * self.angle_gain))
         return step(
             state,
-            arcs,
+            at.arcs.scaled(angle=self.angle_gain),
             self.rig,
             tension_in=tension_in,
             displacement_in=displacement_in,
