@@ -11,6 +11,7 @@ from tests.io.variants import BEGIN, VARIANTS, markers, run
 from tssgeom.errors import SettingsError, ShapeError
 from tssgeom.io.formats.files import find_inputs, open_recording
 from tssgeom.io.formats.laboratory.mapping import ColumnMap
+from tssgeom.io.formats.laboratory.names import meaning_of
 from tssgeom.io.formats.runs import read_run
 from tssgeom.stream import Frame, Rejected
 
@@ -181,6 +182,11 @@ def test_a_key_that_may_be_a_drive_rejects_its_frame_where_nothing_else_drives(t
         ("time_s,Fx [N],Fy [N]\n0,1,2\n1,2,3\n", "'Fx [N]' may be a drive"),
         ("time_s,F [N],F [N]\n0,1,2\n1,2,3\n", "column 'F [N]' is there twice"),
         ("Time,F [N]\n0,1\n10,2\n", 'give --map "Time=time_s:ms"'),
+        (
+            "t [s];F [N]\n0;1,5\n1;2.5\n",
+            "has '1,5' (line 2) and '2.5' (line 3), the table both decimal marks",
+        ),
+        ("t [s];T_in [N];T_out [N]\n0,5;1,5;0.5\n1,5;2,5;1.5\n", "column 'T_out [N]' has '0.5' (line 2)"),
         ("time_s,tension_in_N,tension_in_mN\n0,1,2\n1,2,3\n", "is tension_in_N too"),
     ],
 )
@@ -217,3 +223,17 @@ def test_force_axes_beside_points_are_no_default_tension(tmp_path):
     (tmp_path / "a.csv").write_text("x_mm,y_mm,z_mm,Fz [N]\n" + rows)
     with pytest.raises(ShapeError, match=r"'Fz \[N\]' may be a drive, and there is no other"):
         open_recording(tmp_path / "a.csv")
+
+
+@pytest.mark.parametrize(
+    ("name", "channel"),
+    [
+        ("Gelenkwinkel [°]", "joint_angle"),
+        ("Motordrehmoment (Nm)", "motor_torque"),
+        ("Motorstrom [A]", "motor_current"),
+    ],
+)
+def test_german_compounds_are_read_as_their_parts(name, channel):
+    meaning = meaning_of(name)
+    assert meaning is not None
+    assert meaning.channel == channel

@@ -91,11 +91,19 @@ _OF_MACHINES = {
 _FRAMES = _set("frame frames sample samples")
 _AXIS_FILLERS = _set("position pos coordinate coord coordinates marker point p koordinate")
 _STATIONS = frozenset(("s", "arclength", "station", "arc length", "curve length", "bogenlänge"))
-_JOINED = {
-    prefix + side: (prefix, side)
-    for prefix in ("t", "f", "x", "d")
-    for side in ("in", "out", "prox", "dist", "proximal", "distal")
-} | {"loadcell": ("force",), "arclength": ("arclength",)}
+_JOINED = (
+    {
+        prefix + side: (prefix, side)
+        for prefix in ("t", "f", "x", "d")
+        for side in ("in", "out", "prox", "dist", "proximal", "distal")
+    }
+    | {
+        part + what: (part, what)
+        for part in ("gelenk", "motor", "antrieb")
+        for what in ("winkel", "position", "moment", "drehmoment", "strom", "kraft", "weg")
+    }
+    | {"loadcell": ("force",), "arclength": ("arclength",)}
+)
 
 
 class Meaning(NamedTuple):

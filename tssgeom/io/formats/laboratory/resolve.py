@@ -24,7 +24,8 @@ from tssgeom.io.formats.laboratory.names import (
     meaning_of,
     split_unit,
 )
-from tssgeom.io.formats.laboratory.raw import RawTable, numbers_of
+from tssgeom.io.formats.laboratory.raw import MISSING, RawTable, numbers_of
+from tssgeom.io.formats.laboratory.rows import is_number
 from tssgeom.io.formats.laboratory.text import EXPECTED
 from tssgeom.io.formats.laboratory.units import LENGTH, SI, UNITS, unit_of
 
@@ -35,7 +36,8 @@ def resolved(path: Path, table: RawTable, said: Mapping[str, Mapped], given_unit
     Raises
     ------
     ShapeError
-        Where a table without header cannot be points, or a channel is there twice.
+        Where a table without header cannot be points, a channel is there twice, or its numbers have both
+        decimal marks.
     """
     table = _headed(path, table, said, given_unit)
     result = Resolved()
@@ -43,6 +45,8 @@ def resolved(path: Path, table: RawTable, said: Mapping[str, Mapped], given_unit
     for k, name in enumerate(table.names):
         each = next((each for known, each in said.items() if same_name(known, name)), None)
         meaning = meaning_of(name, table.units[k] if table.units else "")
+        if meaning is not None if each is None else each.channel != IGNORE:
+            _require_one_mark(path, table, k)
         if each is not None:
             _take_mapped(path, table, k, each, meaning, result)
         elif name in EXACT and (_states_unit(name) or meaning is None or meaning.unit is None):
@@ -54,6 +58,23 @@ def resolved(path: Path, table: RawTable, said: Mapping[str, Mapped], given_unit
         raise ShapeError(f"{path}: column {twice[0]!r} is there twice: name them differently")
     _take_rest(table, rest, result)
     return result
+
+
+def _require_one_mark(path: Path, table: RawTable, k: int) -> None:
+    """Refuse a column of numbers of which most lack the decimal mark of the table."""
+    cells = table.columns[k]
+    if isinstance(cells, np.ndarray):
+        return
+    filled = [(row, cell.strip()) for row, cell in enumerate(cells) if cell.strip().lower() not in MISSING]
+    if not all(is_number(cell) for _, cell in filled):
+        return
+    marked = {mark: (row, cell) for row, cell in reversed(filled) for mark in ",." if mark in cell}
+    shown = " and ".join(
+        f"{cell!r} ({table.number_name} {table.number[row]})" for row, cell in sorted(marked.values())
+    )
+    raise ShapeError(
+        f"{path}: column {table.names[k]!r} has {shown}, the table both decimal marks: write one of them"
+    )
 
 
 def _headed(path: Path, table: RawTable, said: Mapping[str, Mapped], given_unit: str | None) -> RawTable:
