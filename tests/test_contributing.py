@@ -42,6 +42,7 @@ RUN = "time_s,tension_in_N,tension_lost_N\n" + "".join(f"{k},{2 + 0.25 * k},0.6\
 CAMPAIGN = """
 from pathlib import Path
 import numpy as np
+import tssgeom.view.quantities
 from tssgeom import Arcs, read_rig
 from tssgeom.identify.campaign import Campaign, Route, Run
 from tssgeom.identify.readings import readings

@@ -88,7 +88,7 @@ def outcome(
     spread = factor * float(np.mean(sigma[channel][rows]))
     digits = max(0, 1 - math.floor(math.log10(max(abs(true - other), 1e-9))))
     middle = f"{0.5 * (true + other):.{digits}f} {unit}"
-    where = f"mean {_SYMBOLS[channel]} {_leg(course, start, stop, drive)}"
+    where = f"mean {_SYMBOLS.get(channel, channel)} {_leg(course, start, stop, drive)}"
     expected = (
         f"{where} is {true:.{digits}f} {unit} with {words_of(names[0])} and {other:.{digits}f} {unit} with "
         f"{words_of(names[1])} (sensors ± {_CLEAR * spread:.2g} {unit})"

@@ -81,7 +81,7 @@ class ShapeObject(TypedDict):
     noise_m: float
     """Standard deviation of a coordinate of the points [m]."""
     method: str
-    """Estimator behind the pieces: `spline` or `arcs`."""
+    """Estimator behind the pieces: `spline`, `arcs` or `tip`."""
     resolution_m: NotRequired[float]
     """Length below which the sensor cannot resolve a bend, where the rig states its source [m]."""
     segments: list[Piece]
