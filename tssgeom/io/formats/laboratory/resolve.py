@@ -69,11 +69,11 @@ def _require_one_mark(path: Path, table: RawTable, k: int) -> None:
     if not all(is_number(cell) for _, cell in filled):
         return
     marked = {mark: (row, cell) for row, cell in reversed(filled) for mark in ",." if mark in cell}
-    shown = " and ".join(
+    cited = " and ".join(
         f"{cell!r} ({table.number_name} {table.number[row]})" for row, cell in sorted(marked.values())
     )
     raise ShapeError(
-        f"{path}: column {table.names[k]!r} has {shown}, the table both decimal marks: write one of them"
+        f"{path}: column {table.names[k]!r} has {cited}, the table both decimal marks: write one of them"
     )
 
 
