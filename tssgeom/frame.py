@@ -22,9 +22,8 @@ from tssgeom.route.fibre.sensed import clean_fibre, measure_fibre, sensed_shape
 from tssgeom.route.geometry import measure
 from tssgeom.route.marker_offset import follow_markers
 from tssgeom.route.model_choice import NOISE_PRIOR as POINT_NOISE
-from tssgeom.route.observations import MIN_POINTS, Shape, clean
+from tssgeom.route.observations import MIN_POINTS, Shape, are_few, clean
 from tssgeom.route.order import along_the_shortest_path
-from tssgeom.route.ratio_average import are_few
 from tssgeom.route.resolution import (
     NO_ERRORS,
     SharedErrors,

@@ -31,10 +31,10 @@ from tssgeom.route.model_choice import (
     search_variance,
     selected,
 )
-from tssgeom.route.observations import Shape, order_warnings, outlier_warnings
+from tssgeom.route.observations import Shape, are_few, order_warnings, outlier_warnings
 from tssgeom.route.order import order_warning
 from tssgeom.route.pieces import Arcs, smooth_geometry
-from tssgeom.route.ratio_average import are_few, averaged
+from tssgeom.route.ratio_average import averaged
 from tssgeom.route.resolution import SharedErrors
 from tssgeom.route.route import Route, step_lengths
 from tssgeom.route.route_fit import (

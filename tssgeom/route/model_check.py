@@ -40,8 +40,7 @@ from tssgeom.route.model_choice import (
     penalised_log_evidence_difference,
     undecided,
 )
-from tssgeom.route.observations import Shape
-from tssgeom.route.ratio_average import are_few
+from tssgeom.route.observations import Shape, are_few
 from tssgeom.route.resolution import SharedErrors
 from tssgeom.route.route_fit import RouteFit
 from tssgeom.route.spline.fit import Spline, fit_in_steps

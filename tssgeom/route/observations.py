@@ -14,7 +14,7 @@ from tssgeom.core.constants_route import ORDERING, POINTS, RAW
 from tssgeom.errors import ShapeError
 from tssgeom.route.directions import checked_directions, listed
 from tssgeom.route.raw_outliers import raw_outliers
-from tssgeom.route.route import checked_stations, station_warnings, step_lengths
+from tssgeom.route.route import station_warnings, step_lengths
 
 MIN_POINTS = 4
 
@@ -39,6 +39,11 @@ class Shape:
     """Known length of the route from the first to the last sensed point [m]."""
     length_noise: float = 0.0
     """Standard deviation of that length [m]."""
+
+
+def are_few(points: np.ndarray) -> bool:
+    """Whether points, or values of each, are so few that models and λ are averaged; docs/model.md (150)."""
+    return len(points) <= POINTS.few
 
 
 def clean(
@@ -88,7 +93,7 @@ def clean(
     points = read_only(points)
     if points.ndim != 2 or points.shape[1] != 3:
         raise ShapeError(f"points have shape {points.shape}: give one row of x, y, z for each point")
-    known = checked_stations(points, stations)
+    known = _checked_stations(points, stations)
     warnings: tuple[str, ...] = ()
     index, counts, used = None, _counts(len(points)), points
     if not _sound(points) or (known is not None and np.isnan(known).any()):
@@ -132,6 +137,27 @@ def _with_length(shape: Shape, length: float, noise: float, sensed: int) -> Shap
 def _counts(n: int) -> Vector:
     """Count n points from 0; the same array each time, by which two frames of the same points are known."""
     return read_only(np.arange(n, dtype=np.float64))
+
+
+def _checked_stations(points: Points, stations: Vector | None) -> Vector | None:
+    """Return known stations [m]; raises ShapeError where they do not increase or their number is wrong."""
+    if stations is None:
+        return None
+    known = read_only(stations)
+    if known.shape != (len(points),):
+        raise ShapeError(f"{known.size} stations for {len(points)} points: give one station for each point")
+    _, _, increasing = core.against_stations(points, known, len(points))
+    if increasing:
+        return known
+    finite = known[np.isfinite(known)]
+    wrong = np.flatnonzero(np.diff(finite) < 0)
+    if wrong.size:
+        i = int(wrong[0])
+        raise ShapeError(
+            f"stations do not increase: {finite[i + 1]:g} m follows {finite[i]:g} m; "
+            "give arc length from the proximal end"
+        )
+    return known
 
 
 def _sound(points: Points) -> bool:

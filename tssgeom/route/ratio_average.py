@@ -12,7 +12,7 @@ import numpy as np
 
 from tssgeom import core
 from tssgeom.arrays import Vector
-from tssgeom.core.constants_route import POINTS, PRIOR, SEARCH
+from tssgeom.core.constants_route import PRIOR, SEARCH
 from tssgeom.errors import FitError
 from tssgeom.route.bounds import Polygon, polygon
 from tssgeom.route.model_choice import (
@@ -21,7 +21,7 @@ from tssgeom.route.model_choice import (
     model_probabilities,
     noise_price,
 )
-from tssgeom.route.observations import Shape
+from tssgeom.route.observations import Shape, are_few
 from tssgeom.route.pieces import smooth_geometry
 from tssgeom.route.route import step_lengths
 from tssgeom.route.spline.fit import Spline, fit, on_chords, spline_of
@@ -77,11 +77,6 @@ class RatioGrid:
 
 
 GRID = RatioGrid()
-
-
-def are_few(points: np.ndarray) -> bool:
-    """Whether points, or values of each, are so few that models and λ are averaged; docs/model.md (150)."""
-    return len(points) <= POINTS.few
 
 
 class _Candidate(NamedTuple):

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tssgeom import core
-from tssgeom.arrays import Points, Vector, read_only
+from tssgeom.arrays import Points, Vector
 from tssgeom.errors import ShapeError
 from tssgeom.result import Result
 
@@ -104,27 +104,6 @@ def arcs_over_chords(points: Points) -> Vector:
     ends = np.concatenate((curvature[:1], curvature, curvature[-1:]))
     turned = np.minimum(0.5 * size * (ends[:-1] + ends[1:]), STATIONS.most_turn_over_chord)
     return summed(size / np.sinc(turned / (2.0 * np.pi)))
-
-
-def checked_stations(points: Points, stations: Vector | None) -> Vector | None:
-    """Return known stations [m]; raises ShapeError where they do not increase or their number is wrong."""
-    if stations is None:
-        return None
-    known = read_only(stations)
-    if known.shape != (len(points),):
-        raise ShapeError(f"{known.size} stations for {len(points)} points: give one station for each point")
-    _, _, increasing = core.against_stations(points, known, len(points))
-    if increasing:
-        return known
-    finite = known[np.isfinite(known)]
-    wrong = np.flatnonzero(np.diff(finite) < 0)
-    if wrong.size:
-        i = int(wrong[0])
-        raise ShapeError(
-            f"stations do not increase: {finite[i + 1]:g} m follows {finite[i]:g} m; "
-            "give arc length from the proximal end"
-        )
-    return known
 
 
 def station_warnings(points: Points, known: Vector) -> tuple[str, ...]:

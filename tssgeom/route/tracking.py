@@ -29,8 +29,7 @@ from tssgeom.route.geometry import (
     with_few_points_variance,
 )
 from tssgeom.route.model_check import SCHEDULE, ModelCheck, TrackedFit, model_checked
-from tssgeom.route.observations import Shape
-from tssgeom.route.ratio_average import are_few
+from tssgeom.route.observations import Shape, are_few
 from tssgeom.route.route_fit import RouteFit
 from tssgeom.route.spline.fit import Spline, fit, warm
 
