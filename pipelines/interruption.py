@@ -19,6 +19,7 @@ from typing import Any
 
 from pipelines.terminal import print_message
 from tssgeom.atomic import discard_drafts
+from tssgeom.programs import end_programs
 
 SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
 MESSAGE = "interrupted: the files that were finished are whole"
@@ -148,9 +149,10 @@ def unheard() -> Iterator[None]:
 
 
 def end_workers() -> None:
-    """Kill the workers of this process, stopped ones too; their files are complete or drafts."""
+    """Kill the workers and programs of this process, stopped ones too; their files are complete or drafts."""
     from multiprocessing import active_children  # here: few commands have workers
 
+    end_programs()
     for worker in active_children():
         worker.kill()
         worker.join()

@@ -10,9 +10,8 @@ from itertools import islice
 from pathlib import Path
 
 import msgspec
-from threadpoolctl import threadpool_limits
 
-from pipelines.batch.workers import report_progress
+from pipelines.batch.workers import report_progress, single_threaded
 from pipelines.figures import write_shape_figures
 from pipelines.inputs import (
     Refusal,
@@ -104,7 +103,7 @@ class Outcome:
 def work(task: Task, share: Share | None = None) -> Outcome:
     """Do one input, or skip it where it is done; an error stays with it."""
     try:
-        with threadpool_limits(1), fetched(task.address) as path:
+        with single_threaded(), fetched(task.address) as path:
             try:
                 return _outcome(task, path, share)
             except TssgeomError as error:
@@ -248,7 +247,7 @@ def part_alone(
     frame_size: float,
 ) -> Part:
     """Analyse the frames of one chunk, each for itself; the fit starts anew with the chunk."""
-    with threadpool_limits(1):
+    with single_threaded():
         results = alone(frames, settings.rig, tension_in=settings.tension_in, first=first)
         part = part_of(name, results, stride, numbers_of(settings.rig))
     report_progress(len(frames), frame_size * len(frames))

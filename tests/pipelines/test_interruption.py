@@ -14,10 +14,11 @@ from pipelines.interruption import MESSAGE, SIGNALS, Interruption, ending_this_s
 LATE = 20.0  # s; far above the 0.5 s of an idle machine, which tests share; the work takes a minute
 
 PROGRAM = """
-import ctypes, hashlib, multiprocessing, sys, time
+import ctypes, hashlib, multiprocessing, subprocess, sys, time
 from pathlib import Path
 from pipelines.interruption import interruptible, unheard
 from tssgeom.atomic import replacing, temporary_folder
+from tssgeom.programs import running
 
 def in_python():
     print("begun", flush=True)
@@ -50,6 +51,22 @@ def beside_a_worker():
     Path("worker").write_text(str(worker.pid))
     in_python()
 
+def beside_a_program_in_c():
+    with running([sys.executable, "-c", "import time; time.sleep(60)"]) as program:
+        Path("worker").write_text(str(program.pid))
+        in_c()
+
+def before_a_program_has_started(start=subprocess.Popen.__init__):
+    def late(self, *given, **options):
+        start(self, *given, **options)
+        Path("worker").write_text(str(self.pid))
+        print("begun", flush=True)
+        time.sleep(0.2)
+
+    subprocess.Popen.__init__ = late
+    with running([sys.executable, "-c", "import time; time.sleep(60)"]):
+        time.sleep(60)
+
 def writing(work):
     with temporary_folder(), replacing(Path("result.txt")) as draft:
         draft.write_text("half")
@@ -60,7 +77,7 @@ if __name__ == "__main__":
 """
 WAYS = [
     *("in_python", "in_c", "in_a_callback", "in_a_block_that_is_never_left", "behind_a_broad_handler"),
-    "beside_a_worker",
+    *("beside_a_worker", "beside_a_program_in_c", "before_a_program_has_started"),
 ]
 
 
@@ -104,7 +121,7 @@ def test_a_signal_ends_a_command_wherever_it_comes_and_leaves_nothing(tmp_path, 
     assert (status, errors) == (128 + number, f"tssgeom: {MESSAGE}\n")
     assert list((tmp_path / "temporary").iterdir()) == []
     assert {path.name for path in tmp_path.iterdir()} <= {"program.py", "temporary", "worker", "__pycache__"}
-    if way == "beside_a_worker":
+    if (tmp_path / "worker").exists():
         with pytest.raises(ProcessLookupError):
             os.kill(int((tmp_path / "worker").read_text()), 0)
 

@@ -24,15 +24,14 @@ from rerun.experimental import ViewerClient
 from tssgeom.arrays import Vector
 from tssgeom.atomic import replacing, temporary_folder
 from tssgeom.errors import SourceError, require_replaceable
+from tssgeom.programs import running
 from tssgeom.tendon.history import last_peak
 from tssgeom.view.quantities import COUNT, TIMELINE
 
 _HOST = "127.0.0.1"
 _DRIVES = ["/series/tension_in", "/a/series/tension_in", "/series/tension_in_N", "/series/tension_in_1_N"]
-_START_LIMIT = 20.0
-"""Longest wait for the viewer to start [s]."""
-_END_LIMIT = 10.0
-"""Longest wait for the viewer to end by itself [s]."""
+_START_LIMIT = 60.0
+"""Longest wait for the viewer to start and load [s]; it takes 3 s, and 20 s beside ten other processes."""
 _NOTICES = 3.5
 """Time from its start until the viewer's notices have gone from the picture [s]."""
 _MENU, _TIME_BAR = 37, 30
@@ -228,16 +227,11 @@ def _headless(path: Path, size: tuple[int, int]) -> Iterator[ViewerClient]:
     options = ["--headless", "--hide-welcome-screen", "--window-size", f"{size[0]}x{size[1]}"]
     command = [binary(), str(path), *options, "--bind", _HOST, "--port", str(port)]
     with _quiet() as environment, tempfile.TemporaryFile() as log:
-        viewer = subprocess.Popen(command, stdout=log, stderr=log, env={**environment, "CI": "true"})
         try:
-            yield _loaded(viewer, port, began)
+            with running(command, stdout=log, stderr=log, env={**environment, "CI": "true"}) as viewer:
+                yield _loaded(viewer, port, began)
         except (ConnectionError, RuntimeError, TimeoutError) as error:
             raise _failure(path, log) from error
-        except KeyboardInterrupt:
-            viewer.kill()
-            raise
-        finally:
-            _end(viewer)
 
 
 @contextmanager
@@ -248,15 +242,6 @@ def _quiet() -> Iterator[dict[str, str]]:
     """
     with temporary_folder() as folder:
         yield {**os.environ, "RUST_LOG": "error", **dict.fromkeys(("TMPDIR", "TMP"), str(folder))}
-
-
-def _end(viewer: subprocess.Popen[bytes]) -> None:
-    viewer.terminate()
-    try:
-        viewer.wait(_END_LIMIT)
-    except subprocess.TimeoutExpired:  # on a busy machine it may not answer: the picture is written
-        viewer.kill()
-        viewer.wait()
 
 
 def _loaded(viewer: subprocess.Popen[bytes], port: int, began: float) -> ViewerClient:
