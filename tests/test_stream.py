@@ -10,7 +10,8 @@ from msgspec.structs import replace as changed
 from tssgeom.effects import Creep, HiddenBend, ThermalDrift
 from tssgeom.engine import process
 from tssgeom.rig import Friction, Rig, ShapeSensor
-from tssgeom.stream import Frame, FrameResult, Rejected, pulled, sensed_route
+from tssgeom.sensed_route import sensed_route
+from tssgeom.stream import Frame, FrameResult, Rejected, pulled
 from tssgeom.tendon.bars.bar_state import BarState
 from tssgeom.tendon.capstan import Corners
 from tssgeom.tendon.state import pretensioned

@@ -11,7 +11,8 @@ import numpy as np
 from tssgeom.arrays import Points, Vector, read_only
 from tssgeom.frame import fit_frame
 from tssgeom.rig import Rig
-from tssgeom.stream import Frame, FrameResult, SensedRoute, at_rest, pulled, sensed_route
+from tssgeom.sensed_route import SensedRoute, sensed_route
+from tssgeom.stream import Frame, FrameResult, at_rest, pulled
 
 if TYPE_CHECKING:
     from tssgeom.route.repeated import Repeated

@@ -16,14 +16,13 @@ from tssgeom.plausibility.frames import FrameWatch
 from tssgeom.rig import Rig
 from tssgeom.route.time_filter import PointFilter
 from tssgeom.route.tracking import TrackedFit, model_checked
+from tssgeom.sensed_route import SensedRoute, sensed_route
 from tssgeom.stream import (
     Carried,
     FrameResult,
     Rejected,
-    SensedRoute,
     at_rest,
     pulled,
-    sensed_route,
 )
 from tssgeom.tendon.commander import Commander
 

@@ -1,4 +1,4 @@
-"""Other programs, run in a `with` block: they end with it, and with this process if `end_programs` is called."""
+"""Other programs, run in a `with` block: they end with it, or by `end_programs` where a process ends."""
 
 from __future__ import annotations
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 from tssgeom.adapt import carry, carry_machine
 from tssgeom.adapt.alert import Alert
@@ -13,7 +12,7 @@ from tssgeom.adapt.follower import Follower
 from tssgeom.adapt.readings import FollowedRig, Readings
 from tssgeom.effects import named
 from tssgeom.errors import SettingsError
-from tssgeom.frame import Frame, fit_frame, with_shared_errors_of
+from tssgeom.frame import Frame
 from tssgeom.plausibility.frames import frame_remarks, strain_remarks
 from tssgeom.result import Result
 from tssgeom.rig import Rig
@@ -23,8 +22,8 @@ from tssgeom.route.pieces import Arcs
 from tssgeom.route.resolution import NO_ERRORS, SharedErrors
 from tssgeom.route.route import Route
 from tssgeom.route.route_fit import RouteFit
-from tssgeom.route.time_filter import PointFilter
 from tssgeom.route.tracking import TrackedFit
+from tssgeom.sensed_route import SensedRoute
 from tssgeom.tendon.command import Command
 from tssgeom.tendon.command_error import Step
 from tssgeom.tendon.commander import Commander, Given, commander_of
@@ -129,33 +128,6 @@ class Rejected:
     """Why it could not be used, with a hint."""
     id: str | int = ""
     """The sender's own name of the frame."""
-
-
-class SensedRoute(NamedTuple):
-    """The route of a frame, as a tendon needs it."""
-
-    shape: Shape
-    tracked: TrackedFit
-    fit: RouteFit
-    """The fit at its resolution."""
-    shared: SharedErrors
-    """Errors beside its own, which other frames have too."""
-
-
-def sensed_route(
-    frame: Frame, rig: Rig, last: TrackedFit | None = None, points: PointFilter | None = None
-) -> SensedRoute:
-    """Fit the route of a frame, from that of the `last` one; no tendon is needed, and none is moved.
-
-    Raises
-    ------
-    ShapeError
-        Where the points cannot be a route.
-    FitError
-        Where they give no finite curve.
-    """
-    shape, tracked = fit_frame(frame, rig, last, points)
-    return SensedRoute(shape, tracked, *with_shared_errors_of(frame, rig, tracked))
 
 
 def pulled(

@@ -21,7 +21,8 @@ from weakref import WeakKeyDictionary
 from tssgeom.engine import Engine
 from tssgeom.io.network.channel import READ
 from tssgeom.io.network.mailbox import Arrival, Sender
-from tssgeom.stream import Frame, Rejected, SensedRoute
+from tssgeom.sensed_route import SensedRoute
+from tssgeom.stream import Frame, Rejected
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,7 +16,8 @@ from tssgeom.io.network.mailbox import Arrival, Mailbox, Sender
 from tssgeom.io.network.sinks import Sink
 from tssgeom.io.network.sources import Source
 from tssgeom.io.results import answers
-from tssgeom.stream import Frame, FrameResult, Rejected, SensedRoute
+from tssgeom.sensed_route import SensedRoute
+from tssgeom.stream import Frame, FrameResult, Rejected
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,6 +4,7 @@ import json
 import os
 import signal
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,7 +14,8 @@ from tests.live.peers import frame
 from tests.live_process import PATIENCE, line, live, points_mm
 from tssgeom.engine import Engine, Track, process
 from tssgeom.rig import Rig
-from tssgeom.stream import Frame, FrameResult, Rejected, SensedRoute
+from tssgeom.sensed_route import SensedRoute
+from tssgeom.stream import Frame, FrameResult, Rejected
 
 LONG = line(helix(10_000, 200.0), 2.0, id="long")  # about 2 s
 TCP = ("--source", "tcp://127.0.0.1:0")
@@ -99,3 +101,21 @@ def test_a_route_that_was_sensed_before_gives_the_same_result():
         assert isinstance(expected, FrameResult)
         assert result.transmission == expected.transmission
     assert isinstance(engine.sense(Frame(np.zeros((2, 3))), track), Rejected)
+
+
+@pytest.mark.parametrize("hard", ["helix", "walk"])
+def test_a_frame_that_shows_nothing_leaves_the_next_one_as_it_is_alone(hard):
+    walk = np.cumsum(5.0 * np.random.default_rng(0).standard_normal((1000, 3)), axis=0)
+    points = {"helix": helix(200, 10.0), "walk": walk}[hard]
+    good = Frame(1e-3 * points_mm(len(points), 0.0), 0.1)
+    alone, after = Engine(Rig(), tension_in=9.0), Engine(Rig(), tension_in=9.0)
+    nothing, wanted = after.push(Frame(1e-3 * points, 0.0)), alone.push(good)
+    assert isinstance(nothing, FrameResult)
+    assert nothing.arcs.total_angle_se > 2.0 * np.pi
+    for _ in range(3):
+        result = after.push(good)
+        assert isinstance(result, FrameResult)
+        assert isinstance(wanted, FrameResult)
+        assert result.arcs.total_angle == wanted.arcs.total_angle
+        assert result.arcs.total_angle_se == wanted.arcs.total_angle_se
+        good, wanted = replace(good, time=good.time + 0.1), alone.push(replace(good, time=good.time + 0.1))

@@ -1,0 +1,60 @@
+"""The route of one frame, fitted from that of the last frame on, with the errors that all frames share."""
+
+from __future__ import annotations
+
+import math
+from contextlib import suppress
+from typing import NamedTuple
+
+from tssgeom.errors import FitError
+from tssgeom.frame import Frame, fit_frame, with_shared_errors_of
+from tssgeom.rig import Rig
+from tssgeom.route.observations import Shape
+from tssgeom.route.resolution import SharedErrors
+from tssgeom.route.route_fit import RouteFit
+from tssgeom.route.time_filter import PointFilter
+from tssgeom.route.tracking import TrackedFit
+
+_LOST = 2.0 * math.pi  # standard error of Φ from which a frame is no start for the next [rad]; chosen: a turn
+
+
+class SensedRoute(NamedTuple):
+    """The route of a frame, as a tendon needs it."""
+
+    shape: Shape
+    tracked: TrackedFit
+    fit: RouteFit
+    """The fit at its resolution."""
+    shared: SharedErrors
+    """Errors beside its own, which other frames have too."""
+
+
+def sensed_route(
+    frame: Frame, rig: Rig, last: TrackedFit | None = None, points: PointFilter | None = None
+) -> SensedRoute:
+    """Fit the route of a frame, from that of the `last` one; no tendon is needed, and none is moved.
+
+    Where the last one showed nothing of Φ, the fit from nothing stays if it shows more.
+
+    Raises
+    ------
+    ShapeError
+        Where the points cannot be a route.
+    FitError
+        Where they give no finite curve.
+    """
+    if last is None or math.hypot(last.fit.arcs.total_angle_se, last.errors.angle) < _LOST:
+        return _sensed(frame, rig, last, points)
+    try:
+        anew = _sensed(frame, rig, None, points)
+    except FitError:
+        return _sensed(frame, rig, last, points)
+    with suppress(FitError):
+        further = _sensed(frame, rig, last, points)
+        return min(anew, further, key=lambda one: one.fit.arcs.total_angle_se**2 + one.shared.angle)
+    return anew
+
+
+def _sensed(frame: Frame, rig: Rig, last: TrackedFit | None, points: PointFilter | None) -> SensedRoute:
+    shape, tracked = fit_frame(frame, rig, last, points)
+    return SensedRoute(shape, tracked, *with_shared_errors_of(frame, rig, tracked))
