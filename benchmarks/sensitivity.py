@@ -1,13 +1,14 @@
 """What the tuned constants move when they are halved and doubled.
 
-    python -m benchmarks.sensitivity [NAME…] [--only route|tendon|identify] [--list] [--quick] [--fresh]
+    python -m benchmarks.sensitivity [NAME…] [--only AREA] [--idle] [--list] [--quick] [--fresh]
 
 A tuned constant is a field of a frozen dataclass or NamedTuple whose one instance is a module constant, such
-as `LIMITS = OutlierLimits()`. Each is changed in a copy of the code, at its default in the source, and the
-development cases run there in a process of their own; the core is built again where it holds the constant.
-Rows that are done are kept in `results/sensitivity.json`, so a run that was stopped goes on; where the code
-has changed, it starts again. `--list` prints the constants with unit and origin; `--quick` changes one
-constant, in few cases.
+as `LIMITS = OutlierLimits()`. Each is changed in a copy of the code, and the development cases run there, in
+a fork of one process that has imported it. `--idle` searches only for constants that move nothing: a run ends
+at the first number that moves, and a constant that moved one when halved is not doubled. A constant that no
+case reads has "not reached". Rows that are done are kept in `results/sensitivity.json`, so a run that was
+stopped goes on; where the code has changed, it starts again. `--list` prints the constants with unit and
+origin; `--quick` changes one constant, in few cases.
 """
 
 from __future__ import annotations
@@ -17,24 +18,23 @@ import ast
 import hashlib
 import json
 import math
-import os
 import re
-import shutil
-import subprocess
 import sys
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 from benchmarks import ABSENT, machine, number, options_parser, table
-from benchmarks.sensitivity_cases import CASES, CLOCK, Numbers
+from benchmarks.changed import Copy, Field
 
+Numbers = dict[str, float]
+AREAS = ("route", "tendon", "identify")
 ROOT = Path(__file__).parents[1]
 ORIGINS = ("derived", "cited", "fitted", "chosen", "measured")
 FACTORS = (0.5, 2.0)
-_COPIED = ("tssgeom", "pipelines", "benchmarks", "tests", "sample_shapes", "pyproject.toml", "CITATION.cff")
 _CODE = ("*.py", "*.c", "*.h", "*.inl")
 _ROWS = ROOT / "results" / "sensitivity.json"
 _AREA_OF_CORE = {
@@ -45,10 +45,11 @@ _AREA_OF_CORE = {
 }
 _SAME = 1e-6  # relative change that counts as none: a search may end one step away
 _SMALL = 0.01  # relative change below which a number is not named
+_CLOCK = "processor time [s]"  # differs from run to run
 _SLOWER = 1.5  # processor times differ by less from run to run
 _NAMED = 3  # numbers that a row names, those that move most first
-_CALL = "import sys; from benchmarks.sensitivity_cases import print_numbers as call; "
-_CALL += "call(sys.argv[2:], quick=sys.argv[1] == 'True')"
+_UNREAD = "not reached"
+_MOVED = "moves"
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,11 +70,18 @@ class Constant:
     text: str
     """Its documentation."""
     class_text: str
+    class_end: int
+    """Last line of the container."""
 
     @property
     def name(self) -> str:
         """Module, container and field."""
         return f"{self.file.removesuffix('.py').replace('/', '.')}.{self.container}.{self.field}"
+
+    @property
+    def key(self) -> Field:
+        """Module, container and field as Python imports them."""
+        return self.file.removesuffix(".py").replace("/", "."), self.container, self.field
 
     @property
     def unit(self) -> str:
@@ -97,16 +105,16 @@ class Constant:
         if folder == "core":
             return _AREA_OF_CORE.get(stem)
         folder = {"statistics.py": "route", "stream.py": "route", "effects": "tendon"}.get(folder, folder)
-        return folder if folder in CASES else None
+        return folder if folder in AREAS else None
 
-    def scaled(self, factor: float) -> str | None:
-        """Return the default times a factor as source; None where it is no number or would stay as it is."""
+    def scaled(self, factor: float) -> Any:
+        """Return the default times a factor; None where it is no number or would stay as it is."""
         try:
             value = eval(self.source, {"__builtins__": {"tuple": tuple, "range": range}, "math": math})
         except NameError:
             return None
         new = _scaled(value, factor)
-        return None if new is None or new == value else repr(new)
+        return None if new == value else new
 
 
 def _scaled(value: object, factor: float) -> object:
@@ -154,9 +162,8 @@ def _of_class(node: ast.ClassDef, file: str, code: str) -> Iterator[Constant]:
             value = one.value
             position = (value.lineno, value.col_offset, value.end_lineno or 0, value.end_col_offset or 0)
             source = ast.get_source_segment(code, value) or ""
-            yield Constant(
-                file, node.name, one.target.id, source, *position, text, ast.get_docstring(node) or ""
-            )
+            about = text, ast.get_docstring(node) or "", node.end_lineno or 0
+            yield Constant(file, node.name, one.target.id, source, *position, *about)
 
 
 def edit(root: Path, constant: Constant, new: str) -> None:
@@ -167,18 +174,12 @@ def edit(root: Path, constant: Constant, new: str) -> None:
     head, tail = lines[first][: constant.column], lines[last][constant.end_column :]
     lines[first : last + 1] = [head + new.encode() + tail]
     path.write_bytes(b"".join(lines))
+    _forget(path)
+
+
+def _forget(path: Path) -> None:
     for compiled in (path.parent / "__pycache__").glob(f"{path.stem}.*.pyc"):
         compiled.unlink()  # Python compares size and whole seconds only
-
-
-def measured(root: Path, area: str, *, quick: bool) -> Numbers:
-    """Run the cases of an area in a copy of the code; raises RuntimeError where they fail."""
-    call = [sys.executable, "-c", _CALL, str(quick), area]
-    environment = {**os.environ, "PYTHONPATH": str(root)}
-    done = subprocess.run(call, cwd=root, env=environment, capture_output=True, text=True, check=False)
-    if done.returncode:
-        raise RuntimeError((done.stderr.strip() or "no reason").splitlines()[-1])
-    return json.loads(done.stdout.splitlines()[-1])
 
 
 def changes(before: Numbers, after: Numbers) -> str:
@@ -187,7 +188,7 @@ def changes(before: Numbers, after: Numbers) -> str:
     for name, old in before.items():
         new = after.get(name, math.nan)
         ratio = abs(new - old) / max(abs(old), 1e-12)
-        if not name.endswith(CLOCK) or max(new, old) > _SLOWER * min(new, old):
+        if name != _CLOCK or max(new, old) > _SLOWER * min(new, old):
             sizes[name] = ratio
     moved = [name for name in sizes if not sizes[name] <= _SAME]
     large = sorted((name for name in moved if not sizes[name] <= _SMALL), key=lambda name: -sizes[name])
@@ -214,9 +215,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if options.quick:
         usable.sort(key=lambda each: (each.area == "identify", each.name))
         usable = usable[:1]
-    rows = _Rows(_ROWS if not options.quick else None, fresh=options.fresh)
+    path = _ROWS.with_name("sensitivity_idle.json") if options.idle else _ROWS
+    rows = _Rows(None if options.quick else path, fresh=options.fresh)
     with TemporaryDirectory(prefix="sensitivity-") as room:
-        _run(usable, rows, Path(room), quick=options.quick)
+        run = _Run(Path(room), rows, usable, quick=options.quick, idle=options.idle)
+        try:
+            run.all_rows()
+        finally:
+            run.copy.close()
     print(_table(usable, rows.done, markdown=options.markdown))
     if others := len(chosen) - len(usable):
         print(f"\n{others} constants have no development cases: no row")
@@ -226,8 +232,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser = options_parser(__doc__, "one constant in few cases; keeps no rows")
     parser.add_argument("names", nargs="*", metavar="NAME", help="only constants with this in their name")
-    parser.add_argument("--only", choices=list(CASES), help="only constants of one area")
+    parser.add_argument("--only", choices=AREAS, help="only constants of one area")
     parser.add_argument("--list", action="store_true", help="print the constants with unit and origin")
+    parser.add_argument("--idle", action="store_true", help="search only for constants that move nothing")
     parser.add_argument("--fresh", action="store_true", help="forget the rows that are done")
     return parser.parse_args(arguments)
 
@@ -251,31 +258,79 @@ class _Rows:
             self.path.write_text(json.dumps({"code": self.code, "rows": self.done}), encoding="utf-8")
 
 
-def _run(chosen: Sequence[Constant], rows: _Rows, room: Path, *, quick: bool) -> None:
-    base, work = room / "base", room / "work"
-    base.mkdir()
-    for name in _COPIED:
-        (shutil.copytree if (ROOT / name).is_dir() else shutil.copy2)(ROOT / name, base / name)
-    for area in dict.fromkeys(each.area for each in chosen if each.area):
-        if area not in rows.done:
+class _Run:
+    """The rows of chosen constants."""
+
+    def __init__(
+        self, folder: Path, rows: _Rows, chosen: Sequence[Constant], *, quick: bool, idle: bool
+    ) -> None:
+        ends = dict[str, dict[str, int]]()
+        for each in constants(ROOT):
+            ends.setdefault(each.file, {})[each.container] = each.class_end
+        self.copy = Copy(ROOT, folder, {file: list(each.items()) for file, each in ends.items()})
+        self.rows, self.chosen, self.quick, self.idle = rows, chosen, quick, idle
+        self.folder, self.before = folder, dict[str, dict[str, Any]]()
+
+    def all_rows(self) -> None:
+        """Compute every row that is not done."""
+        jobs = [
+            (each, x) for each in self.chosen for x in FACTORS if f"{each.name} {x}" not in self.rows.done
+        ]
+        for area in dict.fromkeys(each.area or "" for each, _ in jobs):
             print(f"{area}: as it is", file=sys.stderr, flush=True)
-            rows.add(area, measured(base, area, quick=quick))
-    jobs = [(each, x) for each in chosen for x in FACTORS if f"{each.name} {x}" not in rows.done]
-    begin = time.perf_counter()
-    for count, (constant, factor) in enumerate(jobs):
-        passed = time.perf_counter() - begin
-        left = f", {passed / count * (len(jobs) - count) / 60:.0f} min left" if count else ""
-        print(f"{count + 1} of {len(jobs)}{left}: {constant.name} × {factor:g}", file=sys.stderr, flush=True)
+            self.before[area] = before = self.copy.run(area, quick=self.quick)
+            if "numbers" not in before:
+                raise RuntimeError(f"{area} fails as it is: {before['failed']}")
+            self.rows.add(area, before["numbers"] | {_CLOCK: before["seconds"]})
+        begin = time.perf_counter()
+        for count, (constant, factor) in enumerate(jobs):
+            passed = time.perf_counter() - begin
+            left = f", {passed / count * (len(jobs) - count) / 60:.0f} min left" if count else ""
+            result = self._row(constant, factor)
+            shown = result if isinstance(result, str) else "a number"
+            print(f"{count + 1} of {len(jobs)}{left}: {constant.name} × {factor:g}: {shown}", file=sys.stderr)
+            self.rows.add(f"{constant.name} {factor}", result)
+
+    def _row(self, constant: Constant, factor: float) -> Numbers | str:
+        before, (module, container, field) = self.before[constant.area or ""], constant.key
+        name = [f"{module}.{container}", field]
         if (new := constant.scaled(factor)) is None:
-            rows.add(f"{constant.name} {factor}", "—")
-            continue
-        shutil.copytree(base, work)
-        edit(work, constant, new)
-        try:
-            rows.add(f"{constant.name} {factor}", measured(work, constant.area or "", quick=quick))
-        except RuntimeError as error:
-            rows.add(f"{constant.name} {factor}", f"fails: {error}")
-        shutil.rmtree(work)
+            return ABSENT
+        imported = name in before["imported"]
+        if not (imported or name in before["reads"] or ".core." in module):
+            return _UNREAD
+        if (
+            self.idle
+            and factor == FACTORS[1]
+            and self.rows.done.get(f"{constant.name} {FACTORS[0]}") == _MOVED
+        ):
+            return ABSENT
+        more = {"before": before["taken"]} if self.idle else {}
+        if imported:
+            answer = self._edited(constant, new, more)
+        else:
+            answer = self.copy.run(constant.area or "", quick=self.quick, field=constant.key, new=new, **more)
+        if answer.get("moved"):
+            return _MOVED
+        if "numbers" not in answer:
+            return f"fails: {answer['failed']}"
+        return answer["numbers"] | {_CLOCK: answer["seconds"]}
+
+    def _edited(self, constant: Constant, new: object, more: Mapping[str, Any]) -> dict[str, Any]:
+        """Run with the constant changed in the source, since it is read while modules are imported."""
+        path = self.folder / constant.file
+        kept = path.read_bytes()
+        edit(
+            self.folder,
+            next(each for each in constants(self.folder) if each.name == constant.name),
+            repr(new),
+        )
+        self.copy.restart()
+        answer = self.copy.run(constant.area or "", quick=self.quick, **more)
+        path.write_bytes(kept)
+        _forget(path)
+        self.copy.restart()
+        return answer
 
 
 def _table(chosen: Sequence[Constant], done: Mapping[str, Numbers | str], *, markdown: bool) -> str:

@@ -1,33 +1,32 @@
 """Development cases of the sensitivity benchmark: the numbers that a tuned constant may move.
 
-Every draw has a fixed seed, so the same code gives the same numbers. Only public names, commands and files of
-the package are used, since what is inside may be renamed.
+Every draw has a fixed seed, so the same code gives the same numbers. A case hands over each number as soon as
+it has it, so that a run can stop at the first that moved, and returns their summary.
 """
 
 from __future__ import annotations
 
-import json
 import math
-import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
+from tempfile import mkdtemp
 
 import msgspec
 import numpy as np
 
-from benchmarks.calibration import trial
-from benchmarks.discovery_campaigns import discovered
+from benchmarks.calibration import MACHINES, machine_trial, trial
 from tests.campaigns import make_campaign
 from tests.known_routes import Cell, Draw, draw, truth
 from tests.live_process import points_mm
-from tssgeom import Frame, FrameResult, Rejected, Rig, process
+from tssgeom import Frame, FrameResult, Rejected, Rig, discover, process
 from tssgeom.arrays import Vector
 from tssgeom.rig import Friction, Load, ShapeSensor
 from tssgeom.statistics import NORMAL_95
 
 Numbers = dict[str, float]
+Take = Callable[..., None]
+"""Takes numbers of a case one by one."""
 
 CELLS = (
     *(Cell("sensitivity", route, 200, 5e-4) for route in ("line", "half circle", "6 pieces", "7 pieces")),
@@ -46,14 +45,15 @@ CELLS = (
 CLOCK = "processor time [s]"
 """End of the names of numbers that differ from run to run."""
 
-_TRIALS, _QUICK_TRIALS = 4, 1  # of each cell
-_FRAMES, _QUICK_FRAMES = 120, 24  # of each stream
+_TRIALS, _QUICK_TRIALS = 2, 1  # of each cell
+_FRAMES, _QUICK_FRAMES = 60, 24  # of each stream
 _GRATINGS = 40
 _FIBRE_NOISE = 0.3  # of a curvature component [1/m]
 _POINT_NOISE = 1e-4  # of a coordinate in the streams of the tendon [m]
 _DIRECTION_NOISE = math.radians(0.5)
-_CAMPAIGNS = (("hidden_bend", 0), ("velocity_dependent_friction", 1), (None, 0), (None, 1))
+_CAMPAIGNS = ((None, 1), ("hidden_bend", 0))
 _KINDS = ("white", "no T_out", "by position")
+_MACHINES = ("force loop", "angles alone")
 _EFFECTS = (
     {"name": "load_dependent_friction", "exponent": 0.2},
     {"name": "velocity_dependent_friction", "gain": 0.1},
@@ -64,7 +64,7 @@ _EFFECTS = (
 )
 
 
-def route(*, quick: bool) -> Numbers:
+def route(take: Take, *, quick: bool) -> Numbers:
     """Return errors and coverage of Φ over single frames, streams, directions and fibres."""
     errors: dict[str, list[tuple[float, float]]] = {}
     counts = list[bool]()
@@ -74,8 +74,10 @@ def route(*, quick: bool) -> Numbers:
             pieces = len(one.truth.course.length) if one.truth.course else 0
             for name, result in _single_frames(cell, one, number):
                 if isinstance(result, Rejected):
+                    take(math.nan)
                     errors.setdefault("rejected frames", []).append((1.0, math.nan))
                     continue
+                take(result.arcs.total_angle, result.arcs.total_angle_se, len(result.arcs.length))
                 unit = one.truth.total_angle or 1.0
                 error = (result.arcs.total_angle - one.truth.total_angle) / unit
                 kind = "pieces" if pieces else "smooth"
@@ -84,6 +86,7 @@ def route(*, quick: bool) -> Numbers:
                     counts.append(len(result.arcs.length) == pieces)
     for name, stream in (("stream", _swaying(quick)), ("moving stream", _growing(quick))):
         errors[name] = list(stream)
+        take(*(value for pair in errors[name] for value in pair))
     numbers = {f"rms Φ, {name} [%]": 100.0 * _rms([e for e, _ in rows]) for name, rows in errors.items()}
     pooled = [abs(e) <= NORMAL_95 * se for rows in errors.values() for e, se in rows if math.isfinite(se)]
     return numbers | {"coverage [%]": 100.0 * _share(pooled), "right count [%]": 100.0 * _share(counts)}
@@ -150,7 +153,7 @@ def _two_bends(first: float, second: float, points: int = 80) -> np.ndarray:
     return whole[np.linspace(0, len(whole) - 1, points).round().astype(int)]
 
 
-def tendon(*, quick: bool) -> Numbers:
+def tendon(take: Take, *, quick: bool) -> Numbers:
     """Return tensions and elongations on standing and moving routes, without and with effects."""
     count = _QUICK_FRAMES if quick else _FRAMES
     time = [i / 20.0 for i in range(count)]
@@ -173,7 +176,8 @@ def tendon(*, quick: bool) -> Numbers:
                 plain = map(Frame, bends, time)
                 frames = [replace(one, **{drive: x}) for one, x in zip(plain, values, strict=True)]
                 label = f"{name}, {'moving' if moving else 'standing'}, {drive}"
-                numbers |= _transmitted(label, list(process(frames, rig, tension_in=5.0)))
+                numbers |= (moved := _transmitted(label, list(process(frames, rig, tension_in=5.0))))
+                take(*moved.values())
     return numbers
 
 
@@ -192,32 +196,35 @@ def _transmitted(label: str, results: Sequence[FrameResult | Rejected]) -> Numbe
     }
 
 
-def identify(*, quick: bool) -> Numbers:
+def identify(take: Take, *, quick: bool) -> Numbers:
     """Return names, evidence and false alarms of `discover`, and errors and coverage of `calibrate`."""
-    numbers: Numbers = {"right names": 0.0, "false alarms": 0.0}
-    with TemporaryDirectory(prefix="sensitivity-") as room:
-        for effect, seed in _CAMPAIGNS[:1] if quick else _CAMPAIGNS:
-            folder = Path(room) / f"{effect or 'clean'}_{seed}"
-            make_campaign(folder, seed, effect)
-            report, failure = discovered(folder, Path(room) / f"out_{folder.name}")
-            if report is None:
-                raise RuntimeError(f"{folder.name}: {failure}")
-            named = [one["name"] for one in report["effects"]]
-            best = max((one["evidence"]["delta_bic"] for one in report["ranking"]), default=math.nan)
-            numbers["right names"] += float(named[:1] == [effect])
-            numbers["false alarms"] += float(effect is None and report["verdict"] != "none")
-            numbers[f"ΔBIC, {folder.name}"] = best
-            numbers[f"friction, {folder.name}"] = report["base"]["friction"]["value"]
-    return numbers | _calibrated(_KINDS[:1] if quick else _KINDS)
+    numbers = _calibrated(take, _KINDS[:1] if quick else _KINDS) | {"right names": 0.0, "false alarms": 0.0}
+    for name in () if quick else _MACHINES:
+        for each in machine_trial(MACHINES[name], 0)[0].estimates:
+            take(each.value, each.low, each.high)
+            numbers[f"{each.key}, {name}"] = each.value
+            numbers[f"95 %, {each.key}, {name}"] = each.high - each.low
+    for effect, seed in _CAMPAIGNS[:1] if quick else _CAMPAIGNS:
+        folder = _ROOM[0] / f"{effect or 'clean'}_{seed}"
+        finding = discover(folder)
+        named = [name for one in finding.effects for name in one.names]
+        deltas = [one.evidence.delta_bic for one in finding.ranking]
+        take(finding.base["friction"].value, len(named), *deltas)
+        numbers["right names"] += float(named[:1] == [effect])
+        numbers["false alarms"] += float(effect is None and finding.verdict != "none")
+        numbers[f"ΔBIC, {folder.name}"] = max(deltas, default=math.nan)
+        numbers[f"friction, {folder.name}"] = finding.base["friction"].value
+    return numbers
 
 
-def _calibrated(kinds: Sequence[str]) -> Numbers:
+def _calibrated(take: Take, kinds: Sequence[str]) -> Numbers:
     held, errors, widths = list[bool](), list[float](), list[float]()
     for kind in kinds:
-        for seed in range(3):
+        for seed in range(2):
             result, true = trial(kind, seed)
             for name in ("friction", "compliance"):
                 one = result.estimates[name]
+                take(one.value, one.low, one.high)
                 if one.observable:
                     held.append(one.low <= true[name] <= one.high)
                     errors.append(one.value / true[name] - 1.0)
@@ -239,13 +246,11 @@ def _share(values: Sequence[bool]) -> float:
 
 
 CASES: Mapping[str, Callable[..., Numbers]] = {"route": route, "tendon": tendon, "identify": identify}
+_ROOM = list[Path]()
 
 
-def print_numbers(names: Sequence[str], *, quick: bool) -> None:
-    """Print the numbers of the cases that are named as one line of JSON."""
-    numbers: Numbers = {}
-    for name in names:
-        begin = sum(os.times()[:4])
-        numbers |= CASES[name](quick=quick)
-        numbers[f"{name}: {CLOCK}"] = sum(os.times()[:4]) - begin
-    print(json.dumps(numbers))
+def prepare() -> None:
+    """Write the campaigns, which no constant of the package moves: once for all runs."""
+    _ROOM[:] = [Path(mkdtemp(prefix="campaigns-"))]
+    for effect, seed in _CAMPAIGNS:
+        make_campaign(_ROOM[0] / f"{effect or 'clean'}_{seed}", seed, effect)

@@ -97,12 +97,12 @@ def test_halves_and_doubles_keep_the_type_and_what_is_no_number_stays(tree):
     fields = by_field(tree)
     new = {name: [each.scaled(factor) for factor in sensitivity.FACTORS] for name, each in fields.items()}
     assert new == {
-        "quantile": ["0.49995", "1.9998"],
-        "neighbours": ["1", "6"],
-        "scales": ["(0.5, 4.0)", "(2.0, 16.0)"],
+        "quantile": [0.49995, 1.9998],
+        "neighbours": [1, 6],
+        "scales": [(0.5, 4.0), (2.0, 16.0)],
         "name": [None, None],
-        "floor": ["0.0005", "0.002"],
-        "rounds": [None, "2"],  # half of one move is one move
+        "floor": [0.0005, 0.002],
+        "rounds": [None, 2],  # half of one move is one move
     }
 
 
@@ -125,9 +125,9 @@ def test_every_tuned_constant_of_the_core_has_an_area():
 
 
 def test_what_moves_is_named_the_most_moved_first_and_nothing_is_said_to_be_nothing():
-    before = {"rms": 1.0, "coverage": 95.0, "route: processor time [s]": 1.0}
+    before = {"rms": 1.0, "coverage": 95.0, "processor time [s]": 1.0}
     assert changes(before, dict(before)) == "NOTHING"
-    assert changes(before, before | {"route: processor time [s]": 1.4}) == "NOTHING"
+    assert changes(before, before | {"processor time [s]": 1.4}) == "NOTHING"
     assert changes(before, before | {"rms": 1.004}) == "below 1%"
     assert changes(before, before | {"rms": 2.0, "coverage": 80.0}) == "rms 1.00 → 2.00; coverage 95.0 → 80.0"
 
@@ -143,37 +143,74 @@ def test_rows_that_are_done_are_kept_until_the_code_changes(tree, monkeypatch):
 
 
 CASES = """
-import json
+from tssgeom.route import kernels
 from tssgeom.route.limits import LIMITS
 
-def print_numbers(names, *, quick):
+def prepare():
+    pass
+
+def route(take, *, quick):
     assert LIMITS.scales[0] < 2.0, "too wide"
-    print(json.dumps({"misfit": LIMITS.floor + (0.0 if quick else 1.0), "outliers": 3.0 * LIMITS.neighbours}))
+    take(kernels.ROUNDS)
+    take(LIMITS.floor, 3.0 * LIMITS.neighbours)
+    return {"rounds": kernels.ROUNDS, "outliers": 3.0 * LIMITS.neighbours}
+
+CASES = {"route": route}
 """
 
 
-def test_each_constant_is_changed_in_a_copy_and_a_run_that_was_stopped_goes_on(tree, monkeypatch, capsys):
+@pytest.fixture
+def runnable(tree: Path, monkeypatch) -> Path:
     for name in ("pipelines", "tests", "sample_shapes", "benchmarks"):
         (tree / name).mkdir()
     for name in ("pyproject.toml", "CITATION.cff", "tssgeom/__init__.py", "benchmarks/__init__.py"):
         (tree / name).touch()
     (tree / "tssgeom" / "route" / "__init__.py").touch()
+    kernels = "from tssgeom.route.limits import _MOVES\nROUNDS = _MOVES.rounds\n"
+    (tree / "tssgeom" / "route" / "kernels.py").write_text(kernels, encoding="utf-8")
+    (tree / "benchmarks" / "changed.py").write_bytes((ROOT / "benchmarks" / "changed.py").read_bytes())
     (tree / "benchmarks" / "sensitivity_cases.py").write_text(CASES, encoding="utf-8")
     monkeypatch.setattr(sensitivity, "ROOT", tree)
     monkeypatch.setattr(sensitivity, "_ROWS", tree / "results" / "sensitivity.json")
+    return tree
+
+
+def row(printed: str, field: str) -> str:
+    return next(line for line in printed.splitlines() if f".{field} " in line)
+
+
+def test_each_constant_is_changed_in_a_copy_and_a_run_that_was_stopped_goes_on(runnable, capsys):
     assert sensitivity.main(["neighbours", "scales"]) == 0
     printed = capsys.readouterr()
-    assert "outliers 9.00 → 3.00" in printed.out
-    assert "outliers 9.00 → 18.0" in printed.out
-    assert "fails: AssertionError: too wide" in printed.out
-    assert "NOTHING" in printed.out
+    assert "outliers 9.00 → 3.00  outliers 9.00 → 18.0" in row(printed.out, "neighbours")
+    assert "NOTHING" in row(printed.out, "scales")
+    assert "fails: AssertionError: too wide" in row(printed.out, "scales")
     assert "4 of 4" in printed.err
     assert sensitivity.main(["neighbours", "scales", "quantile"]) == 0
     again = capsys.readouterr()
     assert "2 of 2" in again.err
     assert "neighbours" not in again.err
     assert "outliers 9.00 → 18.0" in again.out
-    assert (tree / "tssgeom" / "route" / "limits.py").read_text(encoding="utf-8") == LIMITS
+    assert (runnable / "tssgeom" / "route" / "limits.py").read_text(encoding="utf-8") == LIMITS
+
+
+def test_a_constant_that_no_case_reads_is_not_said_to_move_nothing(runnable, capsys):
+    assert sensitivity.main(["quantile"]) == 0
+    assert row(capsys.readouterr().out, "quantile").split()[-4:] == ["not", "reached", "not", "reached"]
+
+
+def test_a_constant_that_is_read_while_a_module_is_imported_moves_what_the_module_made_of_it(
+    runnable, capsys
+):
+    assert sensitivity.main(["rounds"]) == 0
+    assert "rounds 1.00 → 2.00" in row(capsys.readouterr().out, "rounds")
+
+
+def test_a_search_for_idle_constants_ends_at_the_first_number_that_moves(runnable, capsys):
+    assert sensitivity.main(["--idle", "floor", "neighbours"]) == 0
+    printed = capsys.readouterr().out
+    assert row(printed, "floor").split()[-2:] == ["moves", ABSENT]  # though its summary has no floor
+    assert row(printed, "neighbours").split()[-2:] == ["moves", ABSENT]
 
 
 def test_every_constant_of_the_code_has_an_origin():
