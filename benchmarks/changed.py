@@ -141,7 +141,7 @@ def _insert(path: Path, after: Sequence[tuple[int, str]]) -> None:
 
 
 def _make_variable(core: Path) -> None:
-    """Build the core of a copy with variables in the place of constants."""
+    """Build the core of a copy with variables for constants."""
     build = core / "build.py"
     code = build.read_text(encoding="utf-8")
     for old, new in ((_CONSTANT, _VARIABLE), ('"-shared"', '"-shared", "-fcommon"')):
@@ -157,10 +157,26 @@ def _make_variable(core: Path) -> None:
         file.write(_FILL)
 
 
+def edit(path: Path, span: tuple[int, int, int, int], new: str) -> None:
+    """Write a text over the span of a source: line and column in bytes of its begin, and of its end."""
+    line, column, end_line, end_column = span
+    lines = path.read_bytes().splitlines(keepends=True)
+    head, tail = lines[line - 1][:column], lines[end_line - 1][end_column:]
+    lines[line - 1 : end_line] = [head + new.encode() + tail]
+    path.write_bytes(b"".join(lines))
+    forget(path)
+
+
+def forget(path: Path) -> None:
+    """Remove what Python has compiled of a module, since it compares size and whole seconds only."""
+    for compiled in (path.parent / "__pycache__").glob(f"{path.stem}.*.pyc"):
+        compiled.unlink()
+
+
 def serve() -> None:
     """Answer requests for runs, one line of JSON each, until there are no more; each runs in a fork."""
     answers, sys.stdout = sys.stdout, sys.stderr
-    from benchmarks import sensitivity_cases  # after the copy is in place
+    from benchmarks import sensitivity_cases  # of the copy
 
     sensitivity_cases.prepare()
     seconds = dict[str, float]()

@@ -28,7 +28,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from benchmarks import ABSENT, machine, number, options_parser, table
-from benchmarks.changed import Copy, Field
+from benchmarks.changed import Copy, Field, edit, forget
 
 Numbers = dict[str, float]
 AREAS = ("route", "tendon", "identify")
@@ -62,11 +62,8 @@ class Constant:
     field: str
     source: str
     """Its default as it is written."""
-    line: int
-    column: int
-    end_line: int
-    end_column: int
-    """Position of the default, columns in bytes of UTF-8, as `ast` counts."""
+    span: tuple[int, int, int, int]
+    """Line and column of the begin of the default, and of its end; columns in bytes, as `ast` counts."""
     text: str
     """Its documentation."""
     class_text: str
@@ -163,23 +160,7 @@ def _of_class(node: ast.ClassDef, file: str, code: str) -> Iterator[Constant]:
             position = (value.lineno, value.col_offset, value.end_lineno or 0, value.end_col_offset or 0)
             source = ast.get_source_segment(code, value) or ""
             about = text, ast.get_docstring(node) or "", node.end_lineno or 0
-            yield Constant(file, node.name, one.target.id, source, *position, *about)
-
-
-def edit(root: Path, constant: Constant, new: str) -> None:
-    """Write another default into the source of a constant."""
-    path = root / constant.file
-    lines = path.read_bytes().splitlines(keepends=True)
-    first, last = constant.line - 1, constant.end_line - 1
-    head, tail = lines[first][: constant.column], lines[last][constant.end_column :]
-    lines[first : last + 1] = [head + new.encode() + tail]
-    path.write_bytes(b"".join(lines))
-    _forget(path)
-
-
-def _forget(path: Path) -> None:
-    for compiled in (path.parent / "__pycache__").glob(f"{path.stem}.*.pyc"):
-        compiled.unlink()  # Python compares size and whole seconds only
+            yield Constant(file, node.name, one.target.id, source, position, *about)
 
 
 def changes(before: Numbers, after: Numbers) -> str:
@@ -287,8 +268,8 @@ class _Run:
             passed = time.perf_counter() - begin
             left = f", {passed / count * (len(jobs) - count) / 60:.0f} min left" if count else ""
             result = self._row(constant, factor)
-            shown = result if isinstance(result, str) else "a number"
-            print(f"{count + 1} of {len(jobs)}{left}: {constant.name} × {factor:g}: {shown}", file=sys.stderr)
+            word = result if isinstance(result, str) else "done"
+            print(f"{count + 1} of {len(jobs)}{left}: {constant.name} × {factor:g}: {word}", file=sys.stderr)
             self.rows.add(f"{constant.name} {factor}", result)
 
     def _row(self, constant: Constant, factor: float) -> Numbers | str:
@@ -320,15 +301,12 @@ class _Run:
         """Run with the constant changed in the source, since it is read while modules are imported."""
         path = self.folder / constant.file
         kept = path.read_bytes()
-        edit(
-            self.folder,
-            next(each for each in constants(self.folder) if each.name == constant.name),
-            repr(new),
-        )
+        in_copy = next(each for each in constants(self.folder) if each.name == constant.name)
+        edit(path, in_copy.span, repr(new))
         self.copy.restart()
         answer = self.copy.run(constant.area or "", quick=self.quick, **more)
         path.write_bytes(kept)
-        _forget(path)
+        forget(path)
         self.copy.restart()
         return answer
 
