@@ -22,12 +22,9 @@ _OTHER = "other warnings"
 class SummaryLimits:
     """Sizes that bound the memory of a running summary."""
 
-    results: int = 400
-    """Frames, evenly spread over an input, whose whole result is kept; chosen: enough for every picture."""
-    rejected: int = 200
-    """First rejected frames that are kept with their reasons; chosen."""
-    warnings: int = 1000
-    """Different texts of warnings; chosen."""
+    kept: int = 400
+    """Frames, evenly spread over an input, whose whole result is kept; first rejected frames that are kept
+    with their reasons; and different texts of warnings. Chosen: enough for every picture."""
 
 
 LIMITS = SummaryLimits()
@@ -62,7 +59,7 @@ class RunningSummary:
     @classmethod
     def of(cls, frame_count: int, at: float | None = None) -> RunningSummary:
         """Begin the summary of an input of so many frames, represented by that nearest to `at` [s]."""
-        return cls(max(1, math.ceil(frame_count / LIMITS.results)), at)
+        return cls(max(1, math.ceil(frame_count / LIMITS.kept)), at)
 
     @property
     def used(self) -> int:
@@ -98,7 +95,7 @@ class RunningSummary:
         self.frames += 1
         if isinstance(item, Rejected):
             self.refused += 1
-            if len(self.rejected) < LIMITS.rejected:
+            if len(self.rejected) < LIMITS.kept:
                 self.rejected.append(item)
             return
         if self.last is None:
@@ -135,7 +132,7 @@ class RunningSummary:
         self.frames += later.frames
         self.refused += later.refused
         self.warned += later.warned
-        self.rejected += later.rejected[: LIMITS.rejected - len(self.rejected)]
+        self.rejected += later.rejected[: LIMITS.kept - len(self.rejected)]
         self._count(later.warnings)
         self.kept += later.kept
         self.last = later.last or self.last
@@ -147,5 +144,5 @@ class RunningSummary:
 
     def _count(self, warnings: Counter[str]) -> None:
         for text, count in warnings.items():
-            full = text not in self.warnings and len(self.warnings) >= LIMITS.warnings
+            full = text not in self.warnings and len(self.warnings) >= LIMITS.kept
             self.warnings[_OTHER if full else text] += count

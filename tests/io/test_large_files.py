@@ -49,8 +49,7 @@ def parquet_of(table: dict[str, np.ndarray], path: Path) -> Path:
 def small_blocks(monkeypatch):
     """Take every file for a large one, and read a few rows at a time."""
     monkeypatch.setattr(point_tables, "MOST_AT_ONCE", 0)
-    sizes = blocks.BlockSizes(csv_bytes=1000, parquet_rows=17, slow_lines=17)
-    monkeypatch.setattr(blocks, "SIZES", sizes)
+    monkeypatch.setattr(blocks, "SIZES", blocks.BlockSizes(part=1000))
 
 
 def items_of(path: Path) -> list[tuple]:

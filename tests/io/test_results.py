@@ -192,11 +192,11 @@ def test_summaries_of_parts_add_up_to_that_of_the_whole(items):
 def test_of_many_frames_so_many_are_kept_evenly_and_the_last(items):
     good = items[0]
     assert isinstance(good, FrameResult)
-    many = 2 * LIMITS.results + 2
+    many = 2 * LIMITS.kept + 2
     summary = summarised([dataclasses.replace(good, seq=seq) for seq in range(many)])
     kept = [result.seq for result in summary.results]
     assert kept == [*range(0, many - 1, 3), many - 1]
-    assert len(kept) <= LIMITS.results + 1
+    assert len(kept) <= LIMITS.kept + 1
 
 
 def record(folder: Path, *files: str) -> RunRecord:

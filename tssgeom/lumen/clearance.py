@@ -9,6 +9,7 @@ import numpy as np
 from tssgeom.arrays import Points, Vector, read_only
 from tssgeom.lumen.wall import Wall, nearest
 from tssgeom.route.route import Route
+from tssgeom.statistics import NORMAL_95
 
 _MOST_NODES = 1000  # of a route, evenly
 
@@ -17,8 +18,6 @@ _MOST_NODES = 1000  # of a route, evenly
 class ContactLimits:
     """When a tube touches the wall, leaves the lumen, or goes beyond the ends of the mesh."""
 
-    standard_deviations: float = 2.0
-    """Allowance for the noise of the route [standard deviations]. derived: 95 % of a normal error."""
     beyond_share: float = 0.01
     """Share of the length that may lie beyond the ends without a warning. chosen: how meshes are cut."""
 
@@ -99,7 +98,7 @@ def clearance(route: Route, wall: Wall, radius: float = 0.0, most: int = _MOST_N
     side = np.where(feet.on_rim, 0.0, feet.side)
     inward = -1.0 if (side.sum() < 0 if wall.outward is None else wall.outward) else 1.0
     signed = np.where(feet.on_rim, np.nan, inward * feet.side * feet.distance)
-    error = _LIMITS.standard_deviations * route.noise
+    error = NORMAL_95 * route.noise
     length = np.gradient(s) if len(s) > 1 else np.zeros(1)
     return Clearance(
         s=read_only(s),

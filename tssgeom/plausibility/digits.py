@@ -47,7 +47,8 @@ def _clock(run: Series) -> Iterator[Remark]:
             f"time_s jumps by {steps[longest]:.3g} s after {run.time[longest]:g} s, usual are {usual:.2g} s"
         )
         yield remark("time_jump", "run", apart)
-    if np.mean(steps < LIMITS.burst * median) > 0.1 or usual < LIMITS.burst * float(np.quantile(steps, 0.75)):
+    burst = LIMITS.pause * steps < median
+    if np.mean(burst) > 0.1 or LIMITS.pause * usual < float(np.quantile(steps, 0.75)):
         yield remark("two_recorders", "run", f"time_s steps by {steps.min():.2g} s and by {median:.2g} s")
 
 
@@ -93,7 +94,7 @@ def _still(run: Series, name: str) -> Iterator[Remark]:
             return
     levels = np.unique(values[np.isfinite(values)])
     step = float(np.diff(levels).min()) if len(levels) > 1 else 0.0
-    if run.noise[name] < step and run.span(name) < LIMITS.fewest_steps * step:
+    if run.noise[name] < step and LIMITS.slight * run.span(name) < step:
         yield remark("quantised", "run", f"{name} has steps of {step:.2g} in a range of {run.span(name):.2g}")
 
 

@@ -2,7 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+
+from tssgeom.core.constants import CHANCE
+
+STANDARD_GRAVITY = 9.80665
+"""Newtons a kilogram-force [N/kgf]. Source: the third General Conference on Weights and Measures, 1901."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -15,13 +21,8 @@ class Limits:
     largest_strain: float = 0.5
     """Chosen: no tendon recovers from more. Strain of the tendon at a tension [1]."""
     slight: float = 0.05
-    """Chosen: more than noise or a reading or two make, and twice what a cell's zero may be off. Of a range
-    [1]."""
-    usual_error: float = 0.15
-    """Chosen: three times a usual error of gain or zero, 5 %. Of a range [1]."""
-    gross: float = 3.0
-    """Chosen: no cell that is sound errs so far; kgf for N make 9.8. Reading over full scale, or T_out over
-    T_in while pulling [1]."""
+    """Chosen: more than noise or a reading or two make, twice what a cell's zero may be off, and a usual
+    error of a gain. Of a range [1]."""
     usual_strain: float = 0.1
     """Chosen: steel yields at 0.01, polymers are used to 0.05. Strain that is worth a warning [1]."""
     weakest_N: float = 0.05
@@ -36,12 +37,9 @@ class Limits:
     largest_stroke: float = 2.0
     """Chosen: a tendon is not pulled out of its sheath. Travel of a drive over the length of the
     route [1]."""
-    stretch_ratio: float = 30.0
-    """Chosen: √1000, half-way between right and mm for m. Measured stretch over that of compliance and
-    tension, or its inverse [1]."""
     usual_stretch: float = 6.0
-    """Chosen: a compliance may be wrong by 3; kgf for N make 9.8. The same, from which a warning is
-    due [1]."""
+    """Chosen: a compliance may be wrong by 3; kgf for N make 9.8. Measured stretch over that of compliance
+    and tension, or its inverse, from which a warning is due [1]."""
     negative: float = 0.02
     """Chosen: the zero of a cheap cell. Tension below zero, of its range [1]."""
     share_of_rows: float = 0.3
@@ -64,14 +62,11 @@ class Limits:
     clipped_rows: int = 5
     """Chosen: digits alone make fewer equal rows beside a drive that moves on. Equal rows at an
     extreme [1]."""
-    fewest_steps: int = 25
-    """Chosen: digits of 4 %. Range of a channel over its smallest step [1]."""
     repeated_rows: int = 10
     """Chosen: with noise in two channels the chance is below 10⁻¹⁰. Rows that occur twice in a row [1]."""
     pause: float = 50.0
-    """Chosen: longer than a lost packet. Time between rows over its lower quartile [1]."""
-    burst: float = 1e-3
-    """Chosen: no recorder varies so much. Time between rows over its median [1]."""
+    """Chosen: longer than a lost packet, and no recorder varies so much. Time between rows over a usual one,
+    or its inverse [1]."""
     spike: float = 0.3
     """Chosen: no drive moves so far in one row and back. Reading off both neighbours, of the range [1]."""
     most_rig_friction: float = 1.0
@@ -82,6 +77,21 @@ class Limits:
     """Chosen: a fit needs more than its parameters. Rows with both drive and response [1]."""
     judged_N: float = 1.0
     """Chosen: the tension at which a rig's own strain is judged [N]."""
+
+    @property
+    def usual_error(self) -> float:
+        """What errors of gain or zero can make, of a range [1]."""
+        return CHANCE.clear * self.slight
+
+    @property
+    def gross(self) -> float:
+        """Half-way between right and kgf for N. Reading over full scale, or T_out over T_in [1]."""
+        return math.sqrt(STANDARD_GRAVITY)
+
+    @property
+    def stretch_ratio(self) -> float:
+        """Half-way between right and mm for m: measured stretch over that of compliance and tension [1]."""
+        return math.sqrt(1000.0)
 
 
 LIMITS = Limits()

@@ -96,7 +96,7 @@ RULES: dict[str, Rule] = {
         "check the unit of the column",
     ),
     "full_scale": Rule(
-        f"a tension is beyond {_L.gross:g} × the full scale of its sensor in the rig",
+        f"a tension is beyond {_L.gross:.1f} × the full scale of its sensor in the rig",
         {"run": "refuse", "command": "refuse"},
         "A cell cannot read that, and may break.",
         "give newtons, or mend full_scale of the sensor in the rig",
@@ -126,7 +126,7 @@ RULES: dict[str, Rule] = {
         "give metres",
     ),
     "stretch_unit": Rule(
-        f"a stretch changes by more than {_L.stretch_ratio:g} × what compliance and tension give, "
+        f"a stretch changes by more than {_L.stretch_ratio:.0f} × what compliance and tension give, "
         f"or is more than {_L.largest_strain:.0%} of the route",
         {"run": "refuse", "frame": "warn"},
         "mm stand for m.",
@@ -141,7 +141,7 @@ RULES: dict[str, Rule] = {
         "check its unit and that of the tension (kgf?), or tendon.compliance_per_N of the rig",
     ),
     "tension_ratio": Rule(
-        f"T_out is more than {_L.gross:g} × T_in while the drive pulls farther than before",
+        f"T_out is more than {_L.gross:.1f} × T_in while the drive pulls farther than before",
         _REFUSED,
         "Friction only takes tension; no zero of a cell is so far off.",
         "check both units (mN, kgf?), and that the columns are not exchanged",
@@ -233,7 +233,7 @@ RULES: dict[str, Rule] = {
         "leave these cells empty",
     ),
     "quantised": Rule(
-        f"the range of a channel has fewer than {_L.fewest_steps} of its steps, which hide its noise",
+        f"a step of a channel is above {_L.slight:.0%} of its range, and hides its noise",
         _WARNED,
         "Digits of that size hide friction and turns.",
         "record with a finer resolution",
@@ -257,7 +257,7 @@ RULES: dict[str, Rule] = {
         "check time_s, or cut the run there",
     ),
     "two_recorders": Rule(
-        f"every tenth row or more follows the last within {_L.burst:g} of the usual time",
+        f"every tenth row or more follows the last within a {_L.pause:g}th of the usual time",
         _WARNED,
         "The rows of two recorders were merged.",
         "bring the channels to common rows",

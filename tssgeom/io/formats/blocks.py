@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import islice
 from pathlib import Path
 from typing import NamedTuple
 
@@ -36,14 +35,10 @@ _OVERLAP = 4096  # bytes of a block in which a blank line that goes on in the ne
 
 
 class BlockSizes(NamedTuple):
-    """Parts of a large table that memory holds at a time; chosen: about 10 MB each."""
+    """Parts of a large table that memory holds at a time."""
 
-    csv_bytes: int = 1 << 23
-    """Bytes of a CSV file."""
-    parquet_rows: int = 1 << 17
-    """Rows of a Parquet file."""
-    slow_lines: int = 20_000
-    """Lines that are read one by one."""
+    part: int = 1 << 23
+    """Size of a part of a file, and of the numbers of a part [bytes]; chosen: small beside any memory."""
 
 
 SIZES = BlockSizes()
@@ -74,7 +69,7 @@ class CsvBlocks:
 
     def _fast(self, wanted: Sequence[str]) -> Iterator[Table]:
         options = {
-            "read_options": read_options(self.names, SIZES.csv_bytes),
+            "read_options": read_options(self.names, SIZES.part),
             "convert_options": convert_options(wanted),
         }
         first = 2
@@ -85,16 +80,17 @@ class CsvBlocks:
 
     def _slow(self) -> Iterator[Table]:
         with reading(self.path), self.path.open(encoding="utf-8", errors="replace") as file:
-            lines = enumerate(file, start=1)
-            next(lines, None)
-            while some := list(islice(lines, SIZES.slow_lines)):
-                yield slow_table(some, self.names, self.columns)
+            next(file, None)
+            first = 2
+            while some := file.readlines(SIZES.part // 8):  # a number in a list takes eight times its digits
+                yield slow_table(enumerate(some, start=first), self.names, self.columns)
+                first += len(some)
 
     def has_blank_lines(self) -> bool:
         """Whether lines between others are blank; pyarrow leaves them out and loses count."""
         tail = b""
         with reading(self.path), self.path.open("rb") as file:
-            while block := file.read(SIZES.csv_bytes):
+            while block := file.read(SIZES.part):
                 if _BLANK_LINE.search(tail + block):
                     return True
                 tail = (tail + block)[-_OVERLAP:]
@@ -120,7 +116,8 @@ class ParquetBlocks:
         """
         first = 1
         with parquet_file(self.path, 1 << 20) as file:
-            for batch in file.iter_batches(SIZES.parquet_rows, columns=list(wanted), use_threads=False):
+            rows = max(SIZES.part // (8 * max(len(wanted), 1)), 1)
+            for batch in file.iter_batches(rows, columns=list(wanted), use_threads=False):
                 yield table_of(self.columns, as_numbers(self.path, batch), "row", first)
                 first += batch.num_rows
 

@@ -15,7 +15,7 @@ from tssgeom.errors import SettingsError
 SOURCES = "-, tcp://127.0.0.1:PORT, udp://127.0.0.1:PORT, igtl://HOST:18944 or replay:FILE?speed=2"
 SINKS = "-, tcp://127.0.0.1:PORT, udp://127.0.0.1:PORT, igtl://127.0.0.1:PORT or none"
 
-_SHORTEST_TOKEN, _LONGEST_TOKEN = 16, 1024  # bytes; chosen: 16 random bytes cannot be guessed
+_SHORTEST_TOKEN, LONGEST_TOKEN = 16, 1024  # bytes; chosen: 16 random bytes cannot be guessed
 _SOCKETS = ("tcp", "udp", "igtl")
 
 
@@ -156,13 +156,13 @@ def access(*, allow_remote: bool, token_file: Path | None) -> Access:
         return Access()
     try:
         with token_file.open("rb") as file:
-            token = file.read(_LONGEST_TOKEN + 1).strip()
+            token = file.read(LONGEST_TOKEN + 1).strip()
     except OSError as error:
         raise SettingsError(f"{token_file}: cannot be read ({error.strerror}): check the path") from error
-    if not _SHORTEST_TOKEN <= len(token) <= _LONGEST_TOKEN or len(token.splitlines()) != 1:
+    if not _SHORTEST_TOKEN <= len(token) <= LONGEST_TOKEN or len(token.splitlines()) != 1:
         raise SettingsError(
             f"{token_file}: the token has {len(token)} bytes: write one line of {_SHORTEST_TOKEN} to "
-            f"{_LONGEST_TOKEN}, such as python -c 'import secrets; print(secrets.token_hex())'"
+            f"{LONGEST_TOKEN}, such as python -c 'import secrets; print(secrets.token_hex())'"
         )
     return Access(allow_remote, token)
 

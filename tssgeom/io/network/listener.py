@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from time import monotonic
 
 from tssgeom.errors import SourceError
-from tssgeom.io.network.addresses import Access, Endpoint, resolved
+from tssgeom.io.network.addresses import LONGEST_TOKEN, Access, Endpoint, resolved
 from tssgeom.io.network.channel import READ, Channel
 
 
@@ -28,8 +28,6 @@ class ConnectionLimits:
     silent_s: float = 5.0
     """Time in which a client has to send its token, and silence after which a sender gives way to a new one
     where no more are admitted [s]; chosen."""
-    token_bytes: int = 2048
-    """Bytes in which the token has to end; derived: twice the longest token."""
     send_buffer_bytes: int = 1 << 17
     """Bytes that the system buffers for a client; chosen: small, so that a slow client is detected."""
 
@@ -199,7 +197,7 @@ class Listener:
         if not (peer.greeted and peer.admitted):
             peer.greeting += data
         if not peer.greeted:
-            peer.greeted = b"\n" in peer.greeting or len(peer.greeting) > LIMITS.token_bytes
+            peer.greeted = b"\n" in peer.greeting or len(peer.greeting) > 2 * LONGEST_TOKEN
             if _HTTP.match(peer.greeting):  # nothing of it is read, and its body is no frame
                 if peer.greeted:
                     self.cut(peer, f"this is no web server: {self._purpose}")
@@ -209,7 +207,7 @@ class Listener:
             return
         parts = self._split_token(peer.greeting)
         if parts is None:
-            if len(peer.greeting) > LIMITS.token_bytes:
+            if len(peer.greeting) > 2 * LONGEST_TOKEN:
                 self.cut(peer, "the token has to come first, as a line of its own")
             return
         token, rest = parts

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from tssgeom.core.constants import ROUNDING
 from tssgeom.statistics import robust_sd
 
 Row = Mapping[str, Any]
@@ -24,14 +25,10 @@ class OutlyingLimits:
     """Robust z beyond which an input is outlying. cited: Iglewicz and Hoaglin 1993."""
     least_share: float = 1e-3
     """Least standard deviation of a length or a tension, of its median [1]. chosen: no sensor has less."""
-    least_angle_sd: float = 1e-6
-    """Least standard deviation of Φ, and of its change [rad]. chosen: rounding of the columns."""
     least_log_noise_sd: float = 0.1
     """Least standard deviation of the logarithm of the noise [1]. chosen: 10 % of the noise."""
-    least_rejected_sd: float = 0.01
-    """Least standard deviation of the share of rejected frames [1]. chosen."""
-    least_warned_sd: float = 0.02
-    """Least standard deviation of the share of frames with warnings [1]. chosen."""
+    least_share_sd: float = 0.01
+    """Least standard deviation of the share of frames that are rejected, or have warnings [1]. chosen."""
 
 
 LIMITS = OutlyingLimits()
@@ -121,7 +118,7 @@ def _scores(rows: Sequence[Row], feature: _Feature) -> _Score:
 
 
 def _angle_error(rows: Sequence[Row]) -> float:
-    return max(float(np.median([row["total_angle_se_rad"] for row in rows])), LIMITS.least_angle_sd)
+    return max(float(np.median([row["total_angle_se_rad"] for row in rows])), ROUNDING.relative)
 
 
 def _share_of(key: str) -> Callable[[Sequence[Row]], float]:
@@ -169,13 +166,13 @@ _FEATURES = (
     ),
     _Feature(
         lambda row: row["rejected"] / row["frames"],
-        lambda rows: LIMITS.least_rejected_sd,
+        lambda rows: LIMITS.least_share_sd,
         "rejected",
         lambda value: f"{100 * value:.3g} % of the frames",
     ),
     _Feature(
         lambda row: row["warned"] / max(row["frames"] - row["rejected"], 1),
-        lambda rows: LIMITS.least_warned_sd,
+        lambda rows: LIMITS.least_share_sd,
         "warnings in",
         lambda value: f"{100 * value:.3g} % of the frames",
     ),

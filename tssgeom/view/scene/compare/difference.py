@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tssgeom.arrays import Vector
+from tssgeom.statistics import NORMAL_95
 from tssgeom.view.quantities import CHANNELS
 from tssgeom.view.scene.compare.reading import Side
 from tssgeom.view.wording import angle_with_error, with_error
@@ -23,16 +24,10 @@ _STEPS = 200  # of arc length in which two tensions are compared
 class ComparisonLimits:
     """Which differences between two recordings the text mentions."""
 
-    standard_errors: float = 2.0
-    """Standard errors up to which two routes turn alike. derived: 95 % of a normal error."""
     parting_share: float = 0.01
     """Share of the greater tension from which on two tensions differ. chosen: visible in the picture."""
     early_share: float = 0.05
     """Share of the length before which tensions differ from the beginning. chosen."""
-    length_mm: float = 0.05
-    """Difference in length below which routes are equally long [mm]. Chosen: half of its last digit."""
-    drive_N: float = 0.01
-    """Difference below which drives are the same [N], rms over time. Chosen: its last digit."""
 
 
 _LIMITS = ComparisonLimits()
@@ -128,8 +123,8 @@ def _route_words(a: Side, b: Side) -> str:
     longer = 1e3 * (_at_peak(b, "length_m") - _at_peak(a, "length_m"))
     more = "more" if turn >= 0 else "less"
     length = f"{abs(longer):.1f} mm {'longer' if longer > 0 else 'shorter'}"
-    length = "as long" if abs(longer) < _LIMITS.length_mm else length
-    if abs(turn) <= _LIMITS.standard_errors * error or turn == 0.0:
+    length = "as long" if round(longer, 1) == 0.0 else length  # in the digits above
+    if abs(turn) <= NORMAL_95 * error or turn == 0.0:
         return f"The routes turn alike: Φ differs by {_degrees(turn)}, within its error. B is {length}."
     return f"The route of B turns **{angle_with_error(abs(turn), error)} {more}** and is {length}."
 
@@ -144,7 +139,7 @@ def _peak_words(a: Side, b: Side) -> str:
     before = _at_peak(a, "tension_out_N")
     share = f", {100 * out / before:+.0f} %" if before > 0 else ""
     stretch, stretch_error = _change(a, b, "elongation_m", "elongation_se_m")
-    same = "the same T_in" if abs(pull) < _LIMITS.drive_N else f"a T_in that is {pull:+.2f} N"
+    same = "the same T_in" if round(pull, 2) == 0.0 else f"a T_in that is {pull:+.2f} N"
     s = parting(a, b)
     late = s is not None and s > _LIMITS.early_share * _at_peak(a, "length_m")
     where = f" The tensions differ from s = {1e3 * s:.0f} mm on." if s and late else ""
@@ -166,7 +161,7 @@ def _time_words(change: Difference) -> str:
     drives = change.rms("tension_in_N")
     drive = (
         "the drives are the same"
-        if drives < _LIMITS.drive_N
+        if round(drives, 2) == 0.0
         else f"but the drives differ by {drives:.3g} N rms too"
     )
     span = f"{change.time[0]:.2f} to {change.time[-1]:.2f} s"
