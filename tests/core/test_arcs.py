@@ -218,7 +218,7 @@ def test_a_frame_is_a_fit_without_outliers_and_its_pieces():
     for seed in range(80):
         data, chain = problem(seed)
         spacing = core.spacing_of_pieces(data.points, float(chain.stations[-1] - chain.stations[0]))
-        kinks = np.any(np.diff(chain.joints[1:]) < CHAIN_FIT.clearly * spacing)
+        kinks = np.any(np.diff(chain.joints[1:]) < spacing)
         shortest = CHAIN_FIT.kink if kinks else 1.0
         data = data._replace(weight=np.ones(len(data.points)), spacing=spacing, shortest=shortest)
         assert core.chain_scale(data.points, chain.form, chain.stations) == (spacing, shortest)

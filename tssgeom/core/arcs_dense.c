@@ -8,7 +8,7 @@ void factor(int64_t m, const double matrix[], double damping, double lower[], do
         for (int64_t b = 0; b <= a; b++) {
             double rest = matrix[a * m + b] * unit[a] * unit[b];
             for (int64_t c = 0; c < b; c++) rest -= lower[a * m + c] * lower[b * m + c];
-            lower[a * m + b] = a == b ? sqrt(most(rest + damping, ROUNDING.pivot))
+            lower[a * m + b] = a == b ? sqrt(most(rest + damping, ROUNDING.exact))
                                       : rest / lower[b * m + b];
         }
 }

@@ -35,7 +35,8 @@ double piece_length(const Data *data, const Chain *chain, int64_t j) {
 double noise_variance(const Data *data, const Chain *chain) {
     if (data->variance > 0.0) return data->variance;
     int64_t freedom = value_count(data) - chain->m;
-    return most(chain->cost / (double)(freedom > 1 ? freedom : 1), CHAIN_FIT.least_variance);
+    return most(chain->cost / (double)(freedom > 1 ? freedom : 1),
+                squared(ROUNDING.relative * data->spacing));
 }
 
 /* Bayesian information criterion: -2 ln of the greatest likelihood, plus the price of every parameter;
@@ -172,8 +173,8 @@ void fit_pieces(const Data *data, Chain *chain, double goal, int64_t restart, Wo
         double enough = CHAIN_FIT.converged * (data->variance > 0.0 ? data->variance : now.cost / values);
         double promised = 0.0;
         for (int64_t a = 0; a < m; a++) promised += step[a] * now.gradient[a];
-        if (!(promised >= enough) || damping > CHAIN_FIT.most_damping) break;
-        if (count >= CHAIN_FIT.trial_steps && now.cost - CHAIN_FIT.still_expected * promised > goal) break;
+        if (!(promised >= enough) || damping * CHAIN_FIT.damping_of_failure > 1.0) break;
+        if (count && now.cost - CHAIN_FIT.still_expected * promised > goal) break;
         step_chain(step, data->free, data->shortest * data->spacing, now.stations[n - 1], &now, tried.form);
         memcpy(tried.stations, now.stations, (size_t)n * sizeof(double));
         normal_equations(data, &tried, reach, w);
@@ -182,7 +183,7 @@ void fit_pieces(const Data *data, Chain *chain, double goal, int64_t restart, Wo
             Chain before = now;
             now = tried, tried = before;
             if (saved < enough && damping <= CHAIN_FIT.damping_of_failure) break;
-            damping = most(CHAIN_FIT.easier * damping, ROUNDING.pivot);
+            damping = most(CHAIN_FIT.easier * damping, ROUNDING.exact);
         } else {
             damping = most(CHAIN_FIT.harder * damping, CHAIN_FIT.damping_of_failure);
         }
@@ -205,8 +206,6 @@ int64_t chain_fits(const Data *data, const Chain *chain, double last) {
     double highest = 1.0 + CHANCE.never * sqrt(2.0 / freedom);
     if (data->variance > 0.0) return chain->cost < highest * data->variance * freedom;
     double usual = most(last, squared(ROUNDING.relative * data->spacing)) * freedom;
-    double lowest = squared(CHAIN_TRACKING.exact * data->spacing) * freedom;
-    if (CHAIN_TRACKING.quieter * most(chain->cost, lowest) < usual) return 0; /* no measure of this frame */
     return chain->cost < most(CHAIN_TRACKING.noisier, 1.5 * highest) * usual;
 }
 

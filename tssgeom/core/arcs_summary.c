@@ -37,7 +37,7 @@ static void hidden_bends(const Data *data, const Chain *chain, const double lowe
         }
         schur_complement(m, lower, unit, gradient, 2, cross, own, bent.gradient + at, left, rest, w);
         for (int e = 0; e < 4; e += 3) left[e] = most(left[e], ROUNDING.exact * own[e]);
-        factor(2, left, ROUNDING.pivot, root, units);
+        factor(2, left, ROUNDING.exact, root, units);
         solve(2, root, units, rest, bend);
         const double both[4] = {1.0, 0.0, 0.0, 1.0};
         double spread[4];
@@ -118,7 +118,7 @@ static double pieces_of(
             for (int64_t a = 0; a < m; a++) of_length[a] += slide[a], of_angle[a] += kappa * slide[a];
         }
     }
-    factor(m, chain->matrix, ROUNDING.pivot, lower, unit);
+    factor(m, chain->matrix, ROUNDING.exact, lower, unit);
     propagated(m, lower, unit, r, gradient, covariance, w);
     for (int64_t a = 0; a < r * r; a++) covariance[a] *= variance;
     hidden_bends(data, chain, lower, unit, hidden, w);
@@ -162,8 +162,8 @@ status tss_chain_scale(
     if (n < 2) return WRONG_SIZE;
     *spacing = tss_spacing_of_pieces(n, points, stations[n - 1] - stations[0], work);
     *shortest = 1.0;
-    for (int64_t i = 5; i + 1 < rows; i++) /* a kink is an inner piece that is clearly shorter than the spacing */
-        if (form[i + 1][0] - form[i][0] < CHAIN_FIT.clearly * *spacing) *shortest = CHAIN_FIT.kink;
+    for (int64_t i = 5; i + 1 < rows; i++) /* a kink is an inner piece that is shorter than the spacing */
+        if (form[i + 1][0] - form[i][0] < *spacing) *shortest = CHAIN_FIT.kink;
     return DONE;
 }
 

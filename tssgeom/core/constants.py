@@ -1,22 +1,28 @@
 """Tuned numbers of the compiled core that several parts use: once for C, once for Python."""
 
+import math
 from typing import NamedTuple
 
 
 class NormalMedians(NamedTuple):
     """Medians of standard normal numbers; a sample median over them is a standard deviation or a variance."""
 
-    sd_per_absolute: float = 1.4826
-    """Standard deviation over the median absolute value [1]; derived: 1/Φ⁻¹(3/4)."""
-    length_2: float = 1.177
-    """Of the length of a vector of two components [1]; derived: √(2 ln 2)."""
-    square_2: float = 1.386
-    """Of the sum of two squares [1]; derived: 2 ln 2."""
-    square_3: float = 2.366
-    """Of the sum of three squares [1]; derived: χ² of three degrees of freedom."""
+    sd_per_absolute: float
+    """Standard deviation over the median absolute value [1]: 1/Φ⁻¹(3/4)."""
+    length_2: float
+    """Of the length of a vector of two components [1]."""
+    square_2: float
+    """Of the sum of two squares [1]."""
+    square_3: float
+    """Of the sum of three squares [1]: χ² of three degrees of freedom."""
 
 
-MEDIANS = NormalMedians()
+MEDIANS = NormalMedians(
+    sd_per_absolute=1.482602,
+    length_2=math.sqrt(2.0 * math.log(2.0)),
+    square_2=2.0 * math.log(2.0),
+    square_3=2.365974,
+)
 
 
 class Chance(NamedTuple):
@@ -34,12 +40,11 @@ CHANCE = Chance()
 class Rounding(NamedTuple):
     """What is no more than the arithmetic of float64, over the size of the numbers."""
 
-    relative: float = 1e-9
-    """Of results of many operations [1]; derived: sums of a thousand terms, solved again and again."""
-    exact: float = 1e-12
-    """Of results of a few operations [1]; derived."""
-    pivot: float = 1e-13
-    """What elimination leaves of a pivot that the others determine, of its own size [1]; fitted."""
+    relative: float
+    """Of results of many operations [1]: 2¹¹ times `exact`, for sums that are solved for."""
+    exact: float
+    """Of results of a few operations, and of a pivot that the others determine [1]: a sum of 2¹¹ terms, each
+    with an error of 2⁻⁵²."""
 
 
-ROUNDING = Rounding()
+ROUNDING = Rounding(relative=2.0 ** (22 - 52), exact=2.0 ** (11 - 52))

@@ -32,18 +32,14 @@ class ChainFit(NamedTuple):
     first_damping: float = 1e-9
     """Damping of the first step, of the diagonal [1]; chosen: nearly that of Gauss and Newton."""
     damping_of_failure: float = 1e-6
-    """Least damping after a step that does not decrease the cost [1]; chosen."""
-    most_damping: float = 1e6
-    """Damping above which there is no way down [1]; chosen."""
+    """Least damping after a step that does not decrease the cost, and one over the greatest [1]; chosen."""
     easier: float = 0.03
     """Factor on the damping after a step that decreases the cost [1]; chosen."""
     harder: float = 30.0
     """Factor on it after one that does not [1]; chosen."""
 
-    trial_steps: int = 2
-    """Steps before a fit may be given up as too far from its goal [1]; chosen."""
     still_expected: float = 4.0
-    """Decrease that may still come [promised decrease of the next step]; chosen."""
+    """Decrease that may still come, or the fit is given up [promised decrease of the next step]; chosen."""
 
     most_turn: float = 2.0
     """Greatest turn from point to point that is identifiable [rad]; chosen, below π."""
@@ -52,12 +48,8 @@ class ChainFit(NamedTuple):
     wide: float = 3.0
     """Distance of points that have unobserved ones between them [mean spacings]; chosen."""
 
-    least_variance: float = 1e-26
-    """Least noise variance of a coordinate [m²]; rounding of coordinates."""
     kink: float = 0.1
     """Shortest piece of a chain with kinks [mean spacings]; chosen."""
-    clearly: float = 0.9
-    """Length of a piece below which it is a kink [mean spacings]; chosen."""
 
 
 CHAIN_FIT = ChainFit()
@@ -71,14 +63,8 @@ class ChainMoves(NamedTuple):
     spacings is not cut [1]; chosen."""
     most_pieces: int = 40
     """Most pieces of a chain [1]; chosen."""
-    most_moves: int = 120
-    """Most moves of a fit from nothing [1]; chosen."""
-    trials_between_frames: int = 6
-    """Simpler chains that are tried between two frames [1]; chosen: no frame waits longer."""
     trials: int = 12
-    """Simpler chains that are tried in a fit from nothing [1]; chosen."""
-    splits: int = 3
-    """Pieces in which another joint is tried [1]; chosen."""
+    """Simpler chains that are tried [1]; chosen."""
     dropped_below: float = 8.0
     """Length of a piece below which it may be dropped whole [mean spacings]; chosen."""
     joint_parameters: float = 3.0
@@ -93,12 +79,8 @@ CHAIN_MOVES = ChainMoves()
 class TrackingLimits(NamedTuple):
     """Whether a chain of the last frame still fits the points of this one."""
 
-    quieter: float = 100.0
-    """Noise variance of the last frame over that of this one, from which the fit begins anew [1]. Chosen."""
     noisier: float = 2.0
     """Unknown noise variance over that of the last frame, above which a chain is unfit [1]. Chosen."""
-    exact: float = 1e-5
-    """Noise below which two frames are equally quiet [spacings]. Chosen: below any sensor."""
 
 
 CHAIN_TRACKING = TrackingLimits()

@@ -27,7 +27,7 @@ def factor(matrix, damping):
             for c in range(b):
                 rest -= lower[a, c] * lower[b, c]
             if a == b:
-                lower[a, a] = math.sqrt(max(rest + damping, ROUNDING.pivot))
+                lower[a, a] = math.sqrt(max(rest + damping, ROUNDING.exact))
             else:
                 lower[a, b] = rest / lower[b, b]
     return lower, unit
@@ -166,9 +166,9 @@ def fit_pieces(data, chain, goal, restart):
         promised = 0.0
         for a in range(len(step)):
             promised += step[a] * gradient[a]
-        if not promised >= enough or damping > CHAIN_FIT.most_damping:
+        if not promised >= enough or damping * CHAIN_FIT.damping_of_failure > 1.0:
             break
-        if count >= CHAIN_FIT.trial_steps and now.cost - CHAIN_FIT.still_expected * promised > goal:
+        if count and now.cost - CHAIN_FIT.still_expected * promised > goal:
             break
         start, axes, joints, bend = _stepped(step, now, data.free, data.shortest * data.spacing)
         tried, slope = _evaluated_at(data, now.stations, start, axes, joints, bend, chain)
@@ -177,7 +177,7 @@ def fit_pieces(data, chain, goal, restart):
             now, gradient = tried, slope
             if saved < enough and damping <= CHAIN_FIT.damping_of_failure:
                 break
-            damping = max(CHAIN_FIT.easier * damping, ROUNDING.pivot)
+            damping = max(CHAIN_FIT.easier * damping, ROUNDING.exact)
         else:
             damping = max(CHAIN_FIT.harder * damping, CHAIN_FIT.damping_of_failure)
     return now
@@ -339,8 +339,4 @@ def unfit(data, chain, variance):
     if data.variance > 0.0:
         return not chain.cost < most * data.variance * freedom
     usual = max(variance, (ROUNDING.relative * data.spacing) ** 2) * freedom
-    least = (CHAIN_TRACKING.exact * data.spacing) ** 2 * freedom
-    quieter = (
-        CHAIN_TRACKING.quieter * max(chain.cost, least) < usual
-    )  # the last frame is no measure of this one
-    return quieter or not chain.cost < max(CHAIN_TRACKING.noisier, 1.5 * most) * usual
+    return not chain.cost < max(CHAIN_TRACKING.noisier, 1.5 * most) * usual

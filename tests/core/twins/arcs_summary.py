@@ -45,7 +45,7 @@ def pieces(data, chain):
             for a in range(m):
                 gradient[j, a] += slide[a]
                 gradient[k + j, a] += kappa * slide[a]
-    lower, unit = factor(chain.matrix, ROUNDING.pivot)
+    lower, unit = factor(chain.matrix, ROUNDING.exact)
     covariance = propagated(lower, unit, gradient)
     for a in range(2 * k):
         for b in range(2 * k):
@@ -76,7 +76,7 @@ def hidden_bends(data, chain):
     fitted = np.ones(len(matrix), np.bool_)
     for j in range(k):
         fitted[first + 2 * j] = fitted[first + 2 * j + 1] = chain.curved[j]
-    lower, unit = factor(chain.matrix, ROUNDING.pivot)
+    lower, unit = factor(chain.matrix, ROUNDING.exact)
     variance, price = noise_variance(data, chain), information_price(2.0, value_count(data))
     for j in range(k):
         if chain.curved[j]:
@@ -84,7 +84,7 @@ def hidden_bends(data, chain):
         own = slice(first + 2 * j, first + 2 * j + 2)
         cross = matrix[fitted][:, own]
         left, rest = schur_complement(lower, unit, gradient[fitted], cross, matrix[own, own], gradient[own])
-        spread = inverse(*factor(left, ROUNDING.pivot))
+        spread = inverse(*factor(left, ROUNDING.exact))
         bend = spread @ rest
         odds = math.exp(min(0.5 * (bend @ rest / variance - price), 700.0))
         share = odds / (1.0 + odds) if k > 1 else 1.0
@@ -131,7 +131,7 @@ def profile(data, chain, at):
 
 def parameter_covariance(data, chain):
     """Covariance [m, m] of the parameters, in the order of `Chain`."""
-    return noise_variance(data, chain) * inverse(*factor(chain.matrix, ROUNDING.pivot))
+    return noise_variance(data, chain) * inverse(*factor(chain.matrix, ROUNDING.exact))
 
 
 def curvature_columns(curved, free):

@@ -15,7 +15,7 @@ import numpy as np
 
 from tssgeom import core
 from tssgeom.arrays import Matrix, Points, Vector
-from tssgeom.core.constants_arcs import CHAIN_FIT
+from tssgeom.core.constants import ROUNDING
 from tssgeom.statistics import information_price
 
 
@@ -196,4 +196,5 @@ def noise_variance(data: Data, chain: Chain) -> float:
     """Noise variance of a coordinate, known or from the residuals [m²]."""
     if data.variance > 0.0:
         return data.variance
-    return max(chain.cost / max(value_count(data) - len(chain.matrix), 1), CHAIN_FIT.least_variance)
+    rounding = (ROUNDING.relative * data.spacing) ** 2
+    return max(chain.cost / max(value_count(data) - len(chain.matrix), 1), rounding)

@@ -28,7 +28,7 @@ _ALL = slice(None)
 _STRAIGHTENED, _MERGED, _DROPPED = 0, 1, 2
 
 
-def fit_chain(data: Data, first: Chain, most: int = CHAIN_MOVES.most_moves) -> Chain:
+def fit_chain(data: Data, first: Chain, most: int = 3 * CHAIN_MOVES.most_pieces) -> Chain:
     """Merge, straighten and split pieces as long as the Bayesian information criterion falls.
 
     Parameters
@@ -38,7 +38,7 @@ def fit_chain(data: Data, first: Chain, most: int = CHAIN_MOVES.most_moves) -> C
     first
         Where to start, as `fit_fixed_pieces` leaves it.
     most
-        How many moves to make at most.
+        How many moves to make at most; each piece can be split, straightened and merged.
     """
     return at_once(fit_chain_in_steps(data, first, most))
 
@@ -78,9 +78,8 @@ def simpler_tried(data: Data, chain: Chain, unlikely: slice = _ALL) -> Iterator[
     promised = _simplifications(data, chain)
     yield None
     now, latest = criterion(data, chain), information_price(CHAIN_MOVES.latest, value_count(data))
-    most = CHAIN_MOVES.trials if unlikely is _ALL else CHAIN_MOVES.trials_between_frames
     promise = np.array([each[0] for each in promised])
-    order = [i for i in np.argsort(promise)[:most].tolist() if promise[i] < latest]
+    order = [i for i in np.argsort(promise)[: CHAIN_MOVES.trials].tolist() if promise[i] < latest]
     for i in _tried(order, [bool(promise[i] < 0.0) for i in order], unlikely):
         yield fit_candidate(data, _simplified(chain, *promised[i][1:]), now)
 
@@ -92,7 +91,7 @@ def finer_tried(data: Data, chain: Chain, unlikely: slice = _ALL) -> Iterator[Ch
     saved, part, _ = core.saved_by_parts(*data.sensed, *chain[:5])
     yield None
     price, now = information_price(1.0, value_count(data)), criterion(data, chain)
-    order = [j for j in np.argsort(-saved)[: CHAIN_MOVES.splits].tolist() if saved[j] > price]
+    order = [j for j in np.argsort(-saved)[: CHAIN_MOVES.trials].tolist() if saved[j] > price]
     sure = [bool(saved[j] > CHAIN_MOVES.joint_parameters * price) for j in order]
     for j in _tried(order, sure, unlikely):
         where = float(chain.joints[j]) + piece_length(chain, j) * int(part[j]) / CHAIN_MOVES.parts
@@ -122,7 +121,7 @@ def _simplifications(data: Data, chain: Chain) -> list[tuple[float, int, int]]:
     components, curved = np.zeros((k, 2, len(chain.matrix))), np.flatnonzero(chain.curved)
     components[curved, 0, column[curved]] = components[curved, 1, column[curved] + 1] = 1.0
     gradient = np.concatenate((components, components[1:] - components[:-1])).reshape(2 * (2 * k - 1), -1)
-    covariance = core.propagated(chain.matrix, gradient, ROUNDING.pivot)
+    covariance = core.propagated(chain.matrix, gradient, ROUNDING.exact)
     steps = np.concatenate((bend, bend[1:] - bend[:-1]))
     wald = _wald_statistics(steps, noise_variance(data, chain) * covariance)
     listed = []
