@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 PAGE, PICTURE = "report.html", "discover.rrd"
 _MOST_EXPERIMENTS = 3  # chosen: experiments in the notes; the report has all
 _READ, _IDENTIFIED = 0.03, 0.92  # share of the work done when the identification begins, and ends; chosen
+_BASE = ("friction", "compliance_per_N")
 _RUNS = {"held_out": "runs held out", "fitted": "fitted runs"}
 
 
@@ -187,12 +188,16 @@ def _notes(finding: Finding) -> list[str]:
     notes += [f"next: {step}" for step in words.next_steps(finding)[:_MOST_EXPERIMENTS]]
     notes += [f"proposed: {step}" for step in words.proposed_steps(finding)]
     notes += [
-        f"{words.plain(name)}: {finding.nominal[name]:.4g} in the rig file, {each.value:.4g} refitted"
+        f"{words.plain(name)}: {_in_rig_file(finding, name)} in the rig file, {each.value:.4g} refitted"
         for name, each in finding.base.items()
-        if name in finding.nominal
+        if name in _BASE
     ]
     remarks = dict.fromkeys((*finding.campaign.notes, *finding.notes))
     return [*notes, *([finding.base_tie] if finding.base_tie else []), *(f"note: {one}" for one in remarks)]
+
+
+def _in_rig_file(finding: Finding, name: str) -> str:
+    return f"{finding.nominal[name]:.4g}" if name in finding.nominal else "unknown"
 
 
 def asked(runs: int | None, limits: Sequence[str]) -> Asked | None:

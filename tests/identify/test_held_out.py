@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tssgeom.effects import Backlash, LoadDependentFriction
+from tssgeom.effects import Backlash, LoadDependentFriction, TensionInGain, TensionOutOffset
 from tssgeom.identify.fit import base_fit
 from tssgeom.identify.machine_evidence import contradicted
-from tssgeom.identify.misfit import held_out
+from tssgeom.identify.misfit import _is_worse, held_out
 from tssgeom.identify.readings import readings
 
 
@@ -33,6 +33,38 @@ def test_held_out_runs_contradict_a_play_that_is_not_there(clean):
 def test_a_part_that_lowers_what_held_out_runs_leave_counts_for_it(clean):
     held, at = clean
     assert held.rise(with_part(at, Backlash(width_m=1e-4)), at) < -10.0
+
+
+def test_a_part_that_makes_one_channel_worse_is_contradicted_however_much_another_gains(clean):
+    held, at = clean
+    wrong, part = (
+        with_part(at, TensionInGain(gain_error=0.05)),
+        with_part(at, TensionOutOffset(offset_N=0.15)),
+    )
+    change = held.change(wrong, wrong, part)
+    assert change.rise == np.inf
+    assert change.worse.startswith("tension out of the held-out runs is predicted worse with it, within 0.1")
+    assert held.change(wrong, wrong, at).rise < -100.0  # without it the same gain is taken
+
+
+def test_a_part_that_makes_a_channel_worse_than_the_base_model_is_contradicted(clean):
+    held, at = clean
+    before, after = (with_part(at, TensionOutOffset(offset_N=size)) for size in (0.3, 0.15))
+    assert held.change(before, before, after).rise < -10.0
+    assert held.change(at, before, after).rise == np.inf
+
+
+def test_errors_that_last_are_worth_fewer_readings():
+    rng = np.random.default_rng(3)
+    white = 3.0 * rng.standard_normal(400)
+    lasting = 3.0 * np.repeat(rng.standard_normal(20), 20)
+    grown = [np.sqrt(1.1) * each for each in (white, lasting)]
+    assert [
+        _is_worse(each, more, 400, 0.025) for each, more in zip((white, lasting), grown, strict=True)
+    ] == [
+        True,
+        False,
+    ]
 
 
 def test_one_channel_that_grows_contradicts_a_part_of_a_machine():

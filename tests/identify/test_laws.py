@@ -83,7 +83,7 @@ def test_what_a_part_does_for_held_out_runs_counts_like_what_it_does_for_fitted_
         return Offer(mechanism, name, model, gain, rise, veto)
 
     best, other, far = offer("a", 1000.0, 0.0), offer("b", 900.0, -200.0), offer("c", 500.0, 100.0)
-    refused = offer("d", 2000.0, np.inf, veto="what was not fitted contradicts it")
+    refused = offer("d", 2000.0, np.inf, veto="the held-out runs contradict it")
     result = in_order([best, other, far, refused])
     assert [one.mechanism for one in result] == ["b", "d", "a", "c"]
     assert not result[0].veto
@@ -138,3 +138,21 @@ def test_a_point_keeps_its_named_part(problem):
     at = with_terms(Point(0.2, 1e-4), [Term(one, np.full(one.size, 0.1), 1.0)])
     assert at.friction == 0.2
     assert at.effects[-1].factor == pytest.approx(np.exp(0.1) * np.ones(one.size))
+
+
+@pytest.mark.parametrize("end", ["proximal", "distal"])
+def test_a_stretch_outside_the_sheath_can_begin_to_rise_at_every_knot(problem, end):
+    given, _, base = problem
+    one = named(given, f"stretch_at_end:{end}")
+    for u in 1e-2 * np.eye(one.size):  # a fall at any tension would be refused
+        assert np.all(np.diff(one.effect(u).stretch) >= 0.0)
+        assert np.any(given.left(replace(base.at, effects=(one.effect(u),))) != base.left)
+
+
+def test_steps_of_a_rising_law_have_the_prior_of_the_law_itself(problem):
+    given, _, _ = problem
+    one = named(given, "stretch_at_end:proximal")
+    steps = np.random.default_rng(1).uniform(size=one.size)
+    rough = one.penalty(0.3, np.inf)
+    itself = replace(one, rising=False).penalty(0.3, np.inf)
+    assert steps @ rough @ steps == pytest.approx(np.cumsum(steps) @ itself @ np.cumsum(steps))

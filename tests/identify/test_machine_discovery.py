@@ -1,5 +1,6 @@
 """discover on machines whose cause an independent chain has built in: a pair and a joint."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -7,10 +8,12 @@ import pytest
 
 from tests import lumped
 from tssgeom.identify.machine_calibration import calibrate_machine
-from tssgeom.identify.machine_discovery import discover_machine
+from tssgeom.identify.machine_discovery import discover_machine, machine_work
 from tssgeom.identify.machine_finding import MachineCampaign
+from tssgeom.identify.machine_forecast import contradiction
 from tssgeom.identify.machine_parts import parts_of
 from tssgeom.identify.machine_run import machine_run, route_of_rig
+from tssgeom.identify.machine_selection import without_part
 from tssgeom.mechanism import Drive, End
 from tssgeom.rig import Friction, GivenRoute, Rig, Tendon
 from tssgeom.tendon.machine import play
@@ -168,3 +171,52 @@ def test_what_cannot_act_in_a_machine_is_not_tried():
     names = {part.name for part in parts_of(hardware, ["end.play_rad"], [run])}
     assert {"drive_play", "joint_friction", "velocity_dependent_friction"} <= names
     assert not names & {"end_play", "drive_friction", "tension_in_gain", "backlash", "load_stiffness"}
+
+
+@cache
+def work_of_play():
+    """What the steps leave of a pair whose joint has play."""
+    hardware = rig(2)
+    run = machine_run("run", columns(2, end_play=0.01, torque=False), [route_of_rig(hardware)], hardware)
+    uncertain = tuple(Uncertain(key, UNKNOWNS[key], stated=False) for key in UNKNOWN)
+    return machine_work(MachineCampaign("bench", hardware, uncertain, (run,)))[0]
+
+
+def test_a_part_that_fails_at_the_end_of_the_runs_is_contradicted():
+    chosen = work_of_play().chosen
+    base, model = chosen.base, chosen.model
+    assert [part.name for part in model.parts] == ["end_play"]
+    assert contradiction(base, model) == ""
+    without, with_it = (
+        one.problem.answers(one.state.channels)[0]["joint_angle_rad"] for one in (base, model)
+    )
+    (run,) = model.problem.runs
+    opposite = np.where(run.given["time_s"] > 33.0, without - with_it, 0.0)  # of what the part does
+    runs = (replace(run, measured={"joint_angle_rad": run.measured["joint_angle_rad"] + 2.0 * opposite}),)
+    why = contradiction(*(replace(one, problem=replace(one.problem, runs=runs)) for one in (base, model)))
+    assert why.startswith("with it the held-out rms of joint_angle_rad is ")
+    assert why.endswith("where only the first two thirds of the runs are fitted")
+
+
+def test_a_part_that_is_taken_out_leaves_no_effect_of_size_zero():
+    base = work_of_play().chosen.base
+    every = parts_of(base.rig, [], base.problem.runs)
+    two = [part for part in every if part.name in ("asymmetric_friction", "load_dependent_friction")]
+    hardware, parameters = base.problem.rig, base.problem.parameters
+    for part in two:
+        hardware, own = part.on(hardware)
+        parameters = (*parameters, *own)
+    u = np.concatenate([base.state.u, np.zeros(len(parameters) - len(base.state.u))])
+    problem = replace(base.problem, rig=hardware, parameters=parameters)
+    model = replace(base, problem=problem, state=replace(base.state, u=u), parts=tuple(two))
+    less = without_part(model, 0, ())
+    assert less.parts == (two[1],)
+    (effect,) = less.rig.effects
+    assert isinstance(effect, type(two[1].effect))
+    assert less.problem.parameters[-1].key.startswith("effects[0].")
+
+
+def test_what_the_rig_says_is_unknown_has_no_nominal_value():
+    unknown = Uncertain("friction.coefficient", UNKNOWNS["friction.coefficient"], stated=False)
+    campaign = MachineCampaign("bench", rig(1), (unknown,), ())
+    assert replace(work_of_play(), campaign=campaign).nominal == {"compliance_per_N": RHO}

@@ -154,8 +154,18 @@ def _ranked(work: Work, first: Step, k: int) -> Candidate:
         return ranked
     if work.judged.verdict == "unknown" and first.passes(one):
         return replace(ranked, why_not=f"it was refused: {work.judged.reason}.")
-    why = why_not(ranked, first.tried[0].evidence - one.evidence, first.needed(one), one.rise)
+    why = why_not(ranked, first.tried[0].evidence - one.evidence, first.needed(one), one.held)
     return replace(ranked, why_not=why)
+
+
+def refused(work: Work) -> tuple[str, ...]:
+    """Say which part would have been taken next, had the held-out runs not become worse with it."""
+    if work.laws is not None:
+        offers = [(one.gain, one.label, one.veto) for one in work.laws.rounds[-1] if math.isinf(one.rise)]
+    else:
+        tried = [one for one in work.chosen.steps[-1].tried if one.size > 1.0 and math.isinf(one.held.rise)]
+        offers = [(one.delta_bic, one.name, one.held.worse) for one in tried]
+    return tuple(f"{name} was not taken: {why}." for _, name, why in sorted(offers)[-1:])
 
 
 def experiments(work: Work, ties: Sequence[Tied]) -> tuple[Experiment, ...]:

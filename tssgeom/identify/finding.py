@@ -225,7 +225,7 @@ class Finding(Result):
     base: Mapping[str, Estimate]
     """`friction` and `compliance_per_N`, refitted, and zeros of channels by run."""
     nominal: Mapping[str, float]
-    """`friction` and `compliance_per_N` as the rig file had them."""
+    """`friction` and `compliance_per_N` as the rig file had them; not what is unknown there."""
     base_tie: str
     """What a refit of friction and compliance may stand for (G2, G3), in words; empty where they held."""
     ranking: tuple[Candidate, ...]

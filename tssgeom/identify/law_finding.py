@@ -111,8 +111,10 @@ def curve(fit: LawFit, which: int, nearest: tuple[tuple[str, float], ...] = ()) 
         middle = fit.at.friction * one.value(term.u)
         low, high = middle * np.exp(-spread), middle * np.exp(spread)
     else:
-        spread = NORMAL_95 * np.sqrt(np.diag(own) * inflated)
-        middle, low, high = (one.value(term.u + sign * spread) for sign in (0.0, -1.0, 1.0))
+        each = np.column_stack([one.value(unit) for unit in np.eye(one.size)])  # it is linear in u
+        spread = NORMAL_95 * np.sqrt(np.diag(each @ own @ each.T) * inflated)
+        middle = one.value(term.u)
+        low, high = middle - spread, middle + spread
     x, (middle, low, high) = _finer(one, middle, low, high)
     return LawCurve(
         one.over, read_only(x), read_only(middle), read_only(low), read_only(high), one.unit, nearest

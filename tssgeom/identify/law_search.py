@@ -71,6 +71,7 @@ class Offer:
 
 
 LESS = "another part has more evidence"
+_NOT_THERE = "the held-out runs do not show it"
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,7 +120,7 @@ def searched(
     everything = mechanisms(problem.stack, problem.rig)
     for number in range(SEARCH.most):
         report(f"laws, part {number + 1}")
-        offers = _offers(problem, now, everything, formulas, held, limits)
+        offers = _offers(problem, base.at, now, everything, formulas, held, limits)
         rounds.append(tuple(offers))
         taken = next((one for one in offers if not one.veto), None)
         if taken is None:
@@ -163,6 +164,7 @@ def as_fit(fit: LawFit) -> Fit:
 
 def _offers(
     problem: Problem,
+    base: Point,
     now: LawFit,
     everything: Sequence[Mechanism],
     formulas: Sequence[Variant],
@@ -181,7 +183,7 @@ def _offers(
         if fit is not None:
             offers.append(Offer(mechanism, name, fit, 2.0 * (fit.log_evidence - now.log_evidence)))
     offers.sort(key=lambda one: -one.gain)
-    judged = [_judged(problem, now, one, held, limits) for one in offers[: LAW_SEARCH.fitted]]
+    judged = [_judged(problem, base, now, one, held, limits) for one in offers[: LAW_SEARCH.fitted]]
     rest = [replace(one, veto=LESS) for one in offers[LAW_SEARCH.fitted :]]
     return in_order(judged) + rest
 
@@ -221,7 +223,12 @@ def _formula_starts(
 
 
 def _judged(
-    problem: Problem, now: LawFit, one: Offer, held: HeldOut | None, limits: Mapping[str, float]
+    problem: Problem,
+    base: Point,
+    now: LawFit,
+    one: Offer,
+    held: HeldOut | None,
+    limits: Mapping[str, float],
 ) -> Offer:
     """Return an offer fitted to the end, with why it is not taken; docs/model.md (191)."""
     least = needed(one.fit)
@@ -241,8 +248,11 @@ def _judged(
         return replace(one, veto="one of its numbers is at a bound")
     if not _holds_with_fine_bars(problem, held, fit):
         return replace(one, veto="it finds no equilibrium with finer bars")
-    one = replace(one, rise=0.0 if held is None else held.rise(now.point, fit.point))
-    return replace(one, veto="what was not fitted contradicts it") if one.evidence < least else one
+    if held is None:
+        return one
+    change = held.change(base, now.point, fit.point)
+    one = replace(one, rise=change.rise)
+    return replace(one, veto=change.worse or _NOT_THERE) if one.evidence < least else one
 
 
 def _holds_with_fine_bars(problem: Problem, held: HeldOut | None, fit: LawFit) -> bool:

@@ -26,8 +26,7 @@ _DEPENDS = {
     "friction_over_time": "friction changes with time",
     "friction_over_position": "friction, or the angle of the route, changes with the position",
     "strain_over_tension": "the tendon stretches by another law than a straight line",
-    "stretch_at_proximal_end": "what lies before the sheath stretches by another law",
-    "stretch_at_distal_end": "what lies behind the sheath stretches by another law",
+    "stretch_at_end": "what lies outside the sheath stretches by another law",
     "load_over_position": "the load is no straight spring",
     "strain_over_time": "the tendon stretches late",
     "sensor_curve": "a sensor is no straight line",
@@ -41,9 +40,9 @@ def law_words(one: Candidate) -> str:
     name = one.names[0]
     if one.law is None or name in KINDS:
         return ""
-    channel = getattr(one.effects[0], "channel", "")
-    what = _DEPENDS[name] + (f" ({channel})" if channel else "")
-    law = one.law
+    law, own = one.law, one.effects[0]
+    at = getattr(own, "channel", "") or (f"{getattr(own, 'of', '')} end" if name == "stretch_at_end" else "")
+    what = _DEPENDS[name] + (f" ({at})" if at else "")
     if len(law.x) < 4:
         return what
     least, most = int(np.argmin(law.value)), int(np.argmax(law.value))
@@ -52,4 +51,6 @@ def law_words(one: Candidate) -> str:
     variable, si = OVER.get(law.over, ("a reading", law.over.rpartition("_")[2]))
     start, end = f"{law.x[first]:.3g} {si}", f"{law.x[last]:.3g} {si}"
     low, high = f"{law.value[first]:.3g}{unit}", f"{law.value[last]:.3g}{unit}"
-    return f"{what}: from {low} at {start} to {high} at {end} ({variable})"
+    nearest = min(law.nearest, key=lambda each: each[1], default=("", 0.0))[0]
+    near = f"; nearest formula {nearest}" if nearest else ""
+    return f"{what}: from {low} at {start} to {high} at {end} ({variable}{near})"

@@ -77,7 +77,8 @@ def _with_drive_lag(problem: Problem, state: FitState) -> tuple[Problem, FitStat
     """Fit the lag of the drive too where evidence and held-out cycles ask for it, and say so."""
     free = [each.key for each in problem.parameters]
     parts = tuple(drive_lag(problem.rig, free, problem.runs))
-    step = part_step(modelled(problem, state, (), ()), parts, ())
+    base = modelled(problem, state, (), ())
+    step = part_step(base, base, parts, ())
     if step.chosen is None:
         return problem, state, ()
     made, ratio = step.chosen.model, step.chosen.held_ratio

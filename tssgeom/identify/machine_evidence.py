@@ -195,6 +195,14 @@ def contradicted(rises: Mapping[str, float]) -> str:
     return worst if worst and rises[worst] > NORMAL_95**2 else ""
 
 
+def worse(before: FittedModel, after: FittedModel, channel: str) -> str:
+    """Say which channel a part makes worse on what is held out; empty where it makes none."""
+    if not channel:
+        return ""
+    ratio = after.held[channel] / max(before.held[channel], 1e-15)
+    return f"with it the held-out rms of {channel} is {ratio:.3g} times that without"
+
+
 def noise_of(models: Sequence[FittedModel], rig: Rig) -> dict[str, float]:
     """Return the white noise of each channel: as specified, else the least that differences show [SI]."""
     best = models[-1]

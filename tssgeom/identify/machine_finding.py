@@ -85,6 +85,15 @@ class MachineWork:
     chosen: PartSelection
     zeros: tuple[NamedZero, ...]
 
+    @property
+    def nominal(self) -> dict[str, float]:
+        """Friction and compliance as the rig file has them; not what is unknown there."""
+        unknown = {each.key for each in self.campaign.uncertain if not each.stated}
+        rig = self.campaign.rig
+        values = (rig.friction.coefficient, rig.tendon.compliance_per_N)
+        pairs = zip(_NAMES.items(), values, strict=True)
+        return {name: value for (key, name), value in pairs if key not in unknown}
+
     def finding(self, notes: Sequence[str]) -> Finding:
         """Return the finding."""
         model = self.chosen.model
@@ -119,7 +128,7 @@ class MachineWork:
             along=(),
             misfit=misfit,
             base=base,
-            nominal=_nominal(self.campaign.rig),
+            nominal=self.nominal,
             base_tie=" ".join(f"{each}." for each in after.tied),
             ranking=tuple(self._ranking()),
             missing_shapes=(),
@@ -265,10 +274,6 @@ def _base_numbers(after: MachineCalibration, model: FittedModel) -> Iterator[tup
     stated = [each for each in after.estimates if each.key and each.name not in own]
     for each in sorted(stated, key=lambda one: one.key not in _NAMES):
         yield _NAMES.get(each.key, each.key), Estimate(each.value, each.unit, each.low, each.high)
-
-
-def _nominal(rig: Rig) -> dict[str, float]:
-    return {"friction": rig.friction.coefficient, "compliance_per_N": rig.tendon.compliance_per_N}
 
 
 def _ranked(one: TriedPart, top: float, *, chosen: bool) -> Candidate:

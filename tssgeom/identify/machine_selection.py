@@ -5,16 +5,16 @@ Source: docs/model.md (196)-(198).
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
+import msgspec
 import numpy as np
 
-from tssgeom.arrays import Matrix, Vector
+from tssgeom.arrays import Vector
 from tssgeom.errors import FitError
+from tssgeom.identify.finding import RigNumber
 from tssgeom.identify.machine_evidence import (
     FittedModel,
     changes,
@@ -24,14 +24,19 @@ from tssgeom.identify.machine_evidence import (
     held_out_rises,
     modelled,
     refused,
+    worse,
 )
 from tssgeom.identify.machine_fit import fit_round, fitted_again
-from tssgeom.identify.machine_parts import PARTS, Part
-from tssgeom.identify.machine_problem import FIT, Problem
+from tssgeom.identify.machine_forecast import contradiction
+from tssgeom.identify.machine_parameters import Parameter
+from tssgeom.identify.machine_parts import Part
+from tssgeom.identify.machine_problem import Problem
 from tssgeom.identify.machine_run import MachineRun
+from tssgeom.identify.machine_score import PartScore, score_of, straight_lines
 from tssgeom.identify.selection import SEARCH
-from tssgeom.rig import with_values
+from tssgeom.rig import Rig, with_values
 from tssgeom.statistics import EVIDENCE_SCALE, NORMAL_95
+from tssgeom.uncertain import path_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,16 +76,23 @@ class TriedPart:
         return self.delta_bic - self.rise
 
     @property
+    def least(self) -> float:
+        """The less of ΔBIC and evidence: neither fitted nor held-out readings name a part alone [1]."""
+        return min(self.delta_bic, self.evidence)
+
+    @property
     def passes(self) -> bool:
         """Whether evidence, size, held-out readings and physics all allow it."""
-        return self.evidence > EVIDENCE_SCALE.very_strong and self.size > 1.0 and not self.refusal
+        return self.least > EVIDENCE_SCALE.very_strong and self.size > 1.0 and not self.refusal
 
     @property
     def why_not(self) -> str:
         """One sentence on why it does not pass; empty where it does."""
-        if self.evidence <= EVIDENCE_SCALE.very_strong:
-            least = f"{EVIDENCE_SCALE.very_strong:.0f}"
-            return f"its ΔBIC, held-out readings included, of {self.evidence:.1f} is below {least}."
+        needed = EVIDENCE_SCALE.very_strong
+        if self.delta_bic <= needed:
+            return f"its ΔBIC of {self.delta_bic:.1f} is below {needed:.0f}."
+        if self.evidence <= needed:
+            return f"its ΔBIC, held-out readings included, of {self.evidence:.1f} is below {needed:.0f}."
         if self.size <= 1.0:
             return f"it changes no channel by more than {self.size:.2g} of the detection limit."
         return f"{self.refusal}." if self.refusal else ""
@@ -133,7 +145,7 @@ def selected_parts(
     model, steps = base, list[PartStep]()
     for turn in range(SEARCH.most):
         progress(turn / SEARCH.most)
-        now = part_step(model, parts, kept)
+        now = _forecast(base, part_step(base, model, parts, kept))
         steps.append(now)
         best = now.chosen
         if best is None:
@@ -142,18 +154,31 @@ def selected_parts(
     return PartSelection(base, _backward(model, kept), tuple(steps))
 
 
-def part_step(model: FittedModel, parts: Sequence[Part], kept: Sequence[MachineRun]) -> PartStep:
-    """Try every part on top of a model: a score test for all, a refit for the most promising."""
+def part_step(
+    base: FittedModel, model: FittedModel, parts: Sequence[Part], kept: Sequence[MachineRun]
+) -> PartStep:
+    """Try every part on top of a model: a score test for all, a refit for the most promising.
+
+    None may make a channel worse than without it, or than in the `base` without any part.
+    """
     has = {part.label for part in model.parts}
-    lines = _lines(model)
-    tests = [_score(model, part, lines) for part in parts if part.label not in has]
+    lines = straight_lines(model)
+    tests = [score_of(model, part, lines) for part in parts if part.label not in has]
     tests = [one for one in tests if one is not None and one.gain > NORMAL_95**2]
     tests.sort(key=lambda one: -one.gain)
-    quick = [_refit(model, one, kept) for one in tests[: MACHINE_SEARCH.refitted]]
+    quick = [_refit(base, model, one, kept) for one in tests[: MACHINE_SEARCH.refitted]]
     tried = sorted((one for one in quick if one is not None), key=lambda one: -one.delta_bic)
-    few = [_continued(model, one, kept) for one in tried[: MACHINE_SEARCH.continued]]
+    few = [_continued(base, model, one, kept) for one in tried[: MACHINE_SEARCH.continued]]
     few.sort(key=lambda one: -one.delta_bic)
     return PartStep(model, (*few, *tried[MACHINE_SEARCH.continued :]))
+
+
+def _forecast(base: FittedModel, now: PartStep) -> PartStep:
+    """Refuse what would be chosen as long as it makes the end of the runs worse; docs/model.md (246)."""
+    while (best := now.chosen) is not None and (why := contradiction(base, best.model)):
+        tried = tuple(replace(one, refusal=why) if one is best else one for one in now.tried)
+        now = replace(now, tried=tried)
+    return now
 
 
 def _backward(model: FittedModel, kept: Sequence[MachineRun]) -> FittedModel:
@@ -172,15 +197,30 @@ def without_part(model: FittedModel, which: int, kept: Sequence[MachineRun]) -> 
     problem, part = model.problem, model.parts[which]
     names = {f"{part.label}: {number.name}" for number in part.numbers}
     stays = [j for j, each in enumerate(problem.parameters) if each.name not in names]
-    rig, parameters = problem.rig, [problem.parameters[j] for j in stays]
-    off = {
-        each.key: each.prior.centre
-        for each in problem.parameters
-        if each.name in names and not each.prior.log
-    }
-    less = replace(problem, rig=with_values(rig, off), parameters=tuple(parameters))
+    parameters = [problem.parameters[j] for j in stays]
+    if isinstance(part.effect, RigNumber):
+        off = {
+            each.key: each.prior.centre
+            for each in problem.parameters
+            if each.name in names and not each.prior.log
+        }
+        rig = with_values(problem.rig, off)
+    else:
+        own = next(each.key for each in problem.parameters if each.name in names)
+        rig, parameters = _without_effect(problem.rig, int(str(path_of(own)[1])), parameters)
+    less = replace(problem, rig=rig, parameters=tuple(parameters))
     parts = [each for k, each in enumerate(model.parts) if k != which]
     return _fitted(less, model.state.u[stays], model, parts, kept)
+
+
+def _without_effect(rig: Rig, at: int, parameters: Sequence[Parameter]) -> tuple[Rig, list[Parameter]]:
+    """Return a rig without one of its effects, and parameters with the keys that they have then."""
+    moved = list[Parameter]()
+    for each in parameters:
+        table, *rest = path_of(each.key) if each.kind == "rig" else ("",)
+        behind = table == "effects" and int(rest[0]) > at
+        moved.append(each._replace(key=f"effects[{int(rest[0]) - 1}].{rest[1]}") if behind else each)
+    return msgspec.structs.replace(rig, effects=rig.effects[:at] + rig.effects[at + 1 :]), moved
 
 
 def without_zeros(
@@ -205,83 +245,9 @@ def reordered(model: FittedModel, which: int) -> FittedModel:
     return replace(model, state=replace(model.state, u=model.state.u[order]))
 
 
-@dataclass(frozen=True, slots=True)
-class _Score:
-    """What a straight line promises of a part."""
-
-    part: Part
-    problem: Problem
-    start: Vector
-    gain: float
-    """Fall of χ² [1]."""
-
-
-class _Lines(NamedTuple):
-    """A model as a straight line in its numbers, weighted."""
-
-    weight: Vector
-    slope: Matrix
-    normal: Matrix
-    left: Vector
-
-
-def _lines(model: FittedModel) -> _Lines:
-    state, weight = model.state, np.concatenate(model.state.weight)
-    slope = model.problem.jacobian(state.u, state.channels, state.left) * weight[:, None]
-    normal = slope.T @ slope + np.eye(len(state.u))
-    return _Lines(weight, slope, normal, weight * np.concatenate(state.left))
-
-
-def _score(model: FittedModel, part: Part, lines: _Lines) -> _Score | None:
-    """Return the best of a few scales of a part, by a straight line in its switch."""
-    problem, state = model.problem, model.state
-    rig, own = part.on(problem.rig)
-    longer = replace(problem, rig=rig, parameters=(*problem.parameters, *own))
-    scales = [k for k, number in enumerate(part.numbers) if not number.switch]
-    switch = next(k for k, number in enumerate(part.numbers) if number.switch)
-    step = part.switch.prior.u(part.switch.start)
-    best: _Score | None = None
-    for pushed in itertools.product((0.0, -1.0, 1.0), repeat=min(len(scales), 1)):
-        added = np.zeros(len(own))
-        for k, push in zip(scales, pushed, strict=False):
-            added[k] = push * math.log(PARTS.pushed) / part.numbers[k].prior.sd
-        for share in (1.0, 0.2):
-            added[switch] = share * step
-            there = longer.model(np.concatenate([state.u, added]))
-            if there is not None:
-                break
-        else:
-            continue
-        column = (
-            lines.weight * (np.concatenate(longer.left(there)) - np.concatenate(state.left)) / added[switch]
-        )
-        score = _line(lines, column)
-        amplitude = score[0]
-        number = part.switch
-        low, high = (
-            number.prior.u(each) if math.isfinite(each) else each for each in (number.lower, number.upper)
-        )
-        if not low < amplitude < high:
-            amplitude = min(max(amplitude, low + 1e-3), high - 1e-3)
-        gain = score[1] if score[0] * amplitude > 0.0 and low < score[0] else 0.0
-        start = added.copy()
-        start[switch] = min(max(amplitude, -FIT.farthest), FIT.farthest)
-        made = _Score(part, longer, np.concatenate([state.u, start]), gain)
-        best = made if best is None or made.gain > best.gain else best
-    return best
-
-
-def _line(lines: _Lines, column: Vector) -> tuple[float, float]:
-    """Return the amplitude of one more column and the fall of χ², all other numbers following."""
-    rest = column - lines.slope @ np.linalg.solve(lines.normal, lines.slope.T @ column)
-    power = float(rest @ rest)
-    if power <= 1e-12:
-        return 0.0, 0.0
-    pull = float(rest @ lines.left)
-    return -pull / power, pull**2 / power
-
-
-def _refit(model: FittedModel, one: _Score, kept: Sequence[MachineRun]) -> TriedPart | None:
+def _refit(
+    base: FittedModel, model: FittedModel, one: PartScore, kept: Sequence[MachineRun]
+) -> TriedPart | None:
     """Refit a part from where its straight line points, or from what is typical of it."""
     shared = len(model.state.u)
     typical = one.start.copy()
@@ -296,29 +262,25 @@ def _refit(model: FittedModel, one: _Score, kept: Sequence[MachineRun]) -> Tried
         return None
     start = min(starts, key=lambda each: each[0])[1]
     after = _fitted(one.problem, start, model, [*model.parts, one.part], kept)
-    return None if after is None else _tried(model, one.part, after)
+    return None if after is None else _tried(base, model, one.part, after)
 
 
-def _continued(model: FittedModel, one: TriedPart, kept: Sequence[MachineRun]) -> TriedPart:
+def _continued(
+    base: FittedModel, model: FittedModel, one: TriedPart, kept: Sequence[MachineRun]
+) -> TriedPart:
     problem, state = fitted_again(one.model.problem, one.model.state)
-    return _tried(model, one.part, modelled(problem, state, one.model.parts, kept, one.model.fixed))
+    after = modelled(problem, state, one.model.parts, kept, one.model.fixed)
+    return _tried(base, model, one.part, after)
 
 
-def _tried(model: FittedModel, part: Part, after: FittedModel) -> TriedPart:
+def _tried(base: FittedModel, model: FittedModel, part: Part, after: FittedModel) -> TriedPart:
     size = max(changes(model, after).values())
     gain, ratio, rises = delta_bic(model, after), held_out_ratio(model, after), held_out_rises(model, after)
     made = TriedPart(part, after, gain, size, sum(rises.values()), ratio, "")
-    if made.evidence <= EVIDENCE_SCALE.very_strong:
+    if made.least <= EVIDENCE_SCALE.very_strong:
         return made
-    return replace(made, refusal=refused(model, after) or _worse(model, after, contradicted(rises)))
-
-
-def _worse(model: FittedModel, after: FittedModel, channel: str) -> str:
-    """Say which channel a part makes worse on what is held out; empty where it makes none."""
-    if not channel:
-        return ""
-    ratio = after.held[channel] / max(model.held[channel], 1e-15)
-    return f"with it the held-out rms of {channel} is {ratio:.3g} times that without"
+    against = (worse(one, after, contradicted(held_out_rises(one, after))) for one in (model, base))
+    return replace(made, refusal=refused(model, after) or next(filter(None, against), ""))
 
 
 def _at(problem: Problem, u: Vector, model: FittedModel) -> float:

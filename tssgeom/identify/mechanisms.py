@@ -85,7 +85,7 @@ class Mechanism:
     """One free law: what it acts on, over what, and the effect that a vector u of its knots makes."""
 
     name: str
-    """As in a report: `friction_over_speed`; of a sensor with the channel behind a colon."""
+    """As in a report: `friction_over_speed`; with the channel, or which end, behind a colon."""
     x: Vector
     """[k] Knots, in SI."""
     warped: Vector
@@ -103,6 +103,8 @@ class Mechanism:
     upper: float | Vector = math.inf
     pinned: bool = False
     """Whether the law is 0 at its first knot."""
+    rising: bool = False
+    """Whether u are the steps from knot to knot, none of which falls."""
     more: int = 0
     """Numbers behind those of the knots, which the law is no curve of."""
 
@@ -131,6 +133,7 @@ class Mechanism:
             row = np.array([1.0 / before, -1.0 / before - 1.0 / after, 1.0 / after])
             second[i, i : i + 3] = row * math.sqrt(2.0 / (before + after))
         second = second[:, self.pinned :]
+        second = np.cumsum(second[:, ::-1], axis=1)[:, ::-1] if self.rising else second
         return out + second.T @ second / roughness**2
 
 
@@ -199,8 +202,8 @@ def _stretches(stack: Stack, rig: Rig) -> Iterator[Mechanism]:
     x = np.concatenate(([0.0], most * np.linspace(0.0, 1.0, KNOTS.usual)[1:] ** 1.5))
     which: tuple[tuple[StretchOf, str, float, str], ...] = (
         ("sheath", "strain_over_tension", strain, "1"),
-        ("proximal", "stretch_at_proximal_end", strain * length, "m"),
-        ("distal", "stretch_at_distal_end", strain * length, "m"),
+        ("proximal", "stretch_at_end:proximal", strain * length, "m"),
+        ("distal", "stretch_at_end:distal", strain * length, "m"),
         ("load", "load_over_position", strain * length, "m"),
     )
     channels = {name for run in stack.readings for name in run.measured}
@@ -210,15 +213,18 @@ def _stretches(stack: Stack, rig: Rig) -> Iterator[Mechanism]:
 
 
 def _stretch(of: StretchOf, name: str, x: Vector, unit: float, si: str) -> Mechanism:
-    knots = tuple(x.tolist())
+    """Return a stretch over tension; that of an end has no compliance beside it, so that no step may fall."""
+    knots, rising = tuple(x.tolist()), of in ("proximal", "distal")
 
     def value(u: Vector) -> Vector:
-        return unit * np.concatenate(([0.0], u))
+        return unit * np.concatenate(([0.0], np.cumsum(u) if rising else u))
 
     def effect(u: Vector) -> AnyEffect:
         return StretchLaw(of=of, x=knots, stretch=tuple(value(u).tolist()))
 
-    return Mechanism(name, x, np.sqrt(x / x[-1]), effect, value, si, "tension_N", pinned=True)
+    lower = 0.0 if rising else -math.inf
+    law = name, x, np.sqrt(x / x[-1]), effect, value, si, "tension_N", lower
+    return Mechanism(*law, pinned=True, rising=rising)
 
 
 def _creeps(stack: Stack, rig: Rig) -> Iterator[Mechanism]:

@@ -6,18 +6,19 @@ Source: docs/model.md (112).
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.stats import norm
 
 from tssgeom.arrays import Matrix, Vector, read_only
 from tssgeom.core.constants import CHANCE
 from tssgeom.errors import FitError
 from tssgeom.identify.finding import PHASES, Misfit, Trace
-from tssgeom.identify.fit import Point, Problem, posed
-from tssgeom.identify.fit_quality import ROBUST
-from tssgeom.identify.prediction import FINE, exact, stacked, total_sigma
+from tssgeom.identify.fit import Point, Problem, Whitening, posed, whitening
+from tssgeom.identify.fit_quality import ROBUST, inflation_of
+from tssgeom.identify.prediction import FINE, Errors, exact, stacked, total_sigma
 from tssgeom.identify.readings import Reading
 from tssgeom.identify.screening import leftover
 from tssgeom.rig import Rig
@@ -37,6 +38,7 @@ class MisfitSettings:
 
 
 MISFIT = MisfitSettings()
+_CHANCE = 0.025  # of a right part to be contradicted by any channel; derived: that of 1.96 s.d.
 UNINFORMATIVE = math.sqrt(0.5)
 """Held-out misfit below which its ratio is no evidence [1]; derived: half of the noise variance."""
 
@@ -58,10 +60,25 @@ def phases(reading: Reading, slip_out: Vector) -> np.ndarray:
 
 
 @dataclass(frozen=True, slots=True)
+class HeldOutChange:
+    """What a part changes on the runs that nothing was fitted to."""
+
+    rise: float
+    """Of χ² [1]; infinite where these runs contradict the part."""
+    worse: str = ""
+    """Why, in a clause; empty where they do not."""
+
+
+NO_CHANGE = HeldOutChange(0.0)
+
+
+@dataclass(frozen=True, slots=True)
 class HeldOut:
     """The runs that nothing was fitted to."""
 
     problem: Problem
+    channels: Mapping[str, tuple[np.ndarray, Whitening]]
+    """By channel: its rows, and what makes it independent where no other channel is known."""
     counted: np.ndarray
     """[rows] bool: readings that count."""
     noise: Mapping[str, float]
@@ -71,33 +88,53 @@ class HeldOut:
 
     def misfit(self, at: Point) -> float:
         """Return the misfit that a model leaves [1]; infinite where it finds no equilibrium."""
-        try:
-            left = self.problem.left(at)
-        except FitError:
-            return math.inf
-        return beyond_noise(_rms(self.problem, left, self.counted), self.noise)
+        left = self._left(at)
+        return math.inf if left is None else beyond_noise(_rms(self.problem, left, self.counted), self.noise)
+
+    def change(self, base: Point, before: Point, after: Point) -> HeldOutChange:
+        """Return what a part on top of a model changes; the base model may not be better either.
+
+        A right part that moves whitened readings by the length d changes their χ² by -d² ± 2d, of all
+        channels and of each by itself. Whatever d is, a rise by more than z² has the chance that is beyond z.
+        Source: docs/model.md (119), (244), (245).
+        """
+        made = self._change(before, after)
+        if base is before or math.isinf(made.rise):
+            return made
+        whole = self._change(base, after)
+        return whole if math.isinf(whole.rise) else made
+
+    def _change(self, before: Point, after: Point) -> HeldOutChange:
+        old, new = self._left(before), self._left(after)
+        if old is None:
+            return NO_CHANGE
+        if new is None:
+            return HeldOutChange(math.inf, "the held-out runs have no equilibrium with it")
+        for name, (rows, own) in self.channels.items():
+            chance = _CHANCE / len(self.channels)
+            if _is_worse(own.whitened(old[rows]), own.whitened(new[rows]), len(rows), chance):
+                sizes = [root_mean_square(left[rows][self.counted[rows]]) for left in (old, new)]
+                return HeldOutChange(math.inf, _worse(name, sizes))
+        first, second = (_huber(self.problem.whitening.whitened(left)) for left in (old, new))
+        if second - first > NORMAL_95**2 * max(1.0, first / self.problem.stack.size):
+            return HeldOutChange(math.inf, "the held-out runs contradict it")
+        return HeldOutChange(second - first)
 
     def rise(self, before: Point, after: Point) -> float:
-        """Return by how much a part on top of a model changes χ² [1]; docs/model.md (119).
+        """Return by how much a part on top of a model changes χ² [1]; infinite where it is contradicted."""
+        return self._change(before, after).rise
 
-        Infinite where it rises so far that the part is contradicted: a right part that moves the whitened
-        readings by the length d changes χ² by -d² ± 2d. Whatever d is, a rise by more than 1.96² has a chance
-        of 2.5 %.
-        """
-        first, second = self._chi2(before), self._chi2(after)
-        if math.isinf(first):
-            return 0.0
-        most = NORMAL_95**2 * max(1.0, first / self.problem.stack.size)
-        return math.inf if second - first > most else second - first
+    def _left(self, at: Point) -> Vector | None:
+        """Return measured less simulated [rows] [N, m]; None where a model finds no equilibrium."""
+        try:
+            return self.problem.left(at)
+        except FitError:
+            return None
 
     def _chi2(self, at: Point) -> float:
         """Return the whitened squares that a model leaves, outliers by Huber's loss; infinite as `misfit`."""
-        try:
-            off = np.abs(self.problem.whitening.whitened(self.problem.left(at)))
-        except FitError:
-            return math.inf
-        near = np.minimum(off, ROBUST.huber)
-        return float(np.sum(near * (2.0 * off - near)))
+        left = self._left(at)
+        return math.inf if left is None else _huber(self.problem.whitening.whitened(left))
 
     def explained(self, at: Point) -> bool:
         """Whether χ² is that of chance, or what a model leaves is not clearly beyond the detection limits."""
@@ -109,14 +146,34 @@ class HeldOut:
 
     def leftover(self, at: Point) -> float:
         """Return what a model leaves of the worst channel over its limit [1]; infinite as `misfit`."""
-        try:
-            return leftover(self.problem, self.problem.left(at))
-        except FitError:
-            return math.inf
+        left = self._left(at)
+        return math.inf if left is None else leftover(self.problem, left)
 
     def ratio(self, at: Point) -> float:
         """Return the misfit over that of the base model [1]; NaN where that shows none."""
         return self.misfit(at) / self.before if self.before > UNINFORMATIVE else math.nan
+
+
+def _huber(whitened: Vector) -> float:
+    """Return the sum of squares, outliers by Huber's loss."""
+    off = np.abs(whitened)
+    near = np.minimum(off, ROBUST.huber)
+    return float(np.sum(near * (2.0 * off - near)))
+
+
+def _is_worse(before: Vector, after: Vector, count: int, chance: float) -> bool:
+    """Whether a channel is predicted worse beyond chance, by its whitened rest of so many readings; (245)."""
+    first, second = _huber(before), _huber(after)
+    variance = inflation_of(before[:count]) * first / count
+    return second - first > float(norm.isf(chance)) ** 2 * max(1.0, variance)
+
+
+def _worse(channel: str, rms: Sequence[float]) -> str:
+    """Say how much worse a channel is predicted."""
+    name, _, unit = channel.rpartition("_")
+    first, second = (f"{1e3 * each:.3g} mm" if unit == "m" else f"{each:.3g} {unit}" for each in rms)
+    what = f"{name.replace('_', ' ')} of the held-out runs is predicted worse with it"
+    return f"{what}, within {second} rms instead of {first}"
 
 
 def held_out(runs: tuple[Reading, ...], rig: Rig, base: Point) -> HeldOut | None:
@@ -129,7 +186,14 @@ def held_out(runs: tuple[Reading, ...], rig: Rig, base: Point) -> HeldOut | None
     counted = _exact_rows(problem, sigma)
     noise = _rms(problem, sigma, counted)
     before = beyond_noise(_rms(problem, problem.left(base), counted), noise)
-    return HeldOut(problem, counted, noise, before)
+    return HeldOut(problem, dict(_by_channel(problem, errors)), counted, noise, before)
+
+
+def _by_channel(problem: Problem, errors: Errors) -> Iterator[tuple[str, tuple[np.ndarray, Whitening]]]:
+    """Yield each channel with its rows and its own whitening; docs/model.md (244)."""
+    for name in dict.fromkeys(block.channel for block in problem.stack.blocks):
+        rows = np.concatenate([np.r_[each.rows] for each in problem.stack.blocks if each.channel == name])
+        yield name, (rows, whitening(replace(errors, sigma=errors.sigma[rows], modes=errors.modes[rows])))
 
 
 def _exact_rows(problem: Problem, sigma: Vector) -> np.ndarray:

@@ -13,7 +13,7 @@ from tssgeom.core.constants import CHANCE
 from tssgeom.effects import AnyEffect, snake
 from tssgeom.errors import FitError
 from tssgeom.identify.fit import Fit, Point, Problem, posed, refined
-from tssgeom.identify.misfit import HeldOut
+from tssgeom.identify.misfit import NO_CHANGE, HeldOut, HeldOutChange
 from tssgeom.identify.prediction import Errors
 from tssgeom.identify.screening import (
     ScoreTest,
@@ -61,13 +61,13 @@ class Tried:
     """Against the model without it [1]."""
     size: float
     """Largest change over its detection limit [1]."""
-    rise: float = 0.0
-    """Of χ² of the held-out runs [1]; infinite where they contradict the candidate."""
+    held: HeldOutChange = NO_CHANGE
+    """What it changes on the held-out runs."""
 
     @property
     def evidence(self) -> float:
         """ΔBIC, and by how much χ² of the held-out runs falls [1]."""
-        return self.delta_bic - self.rise
+        return self.delta_bic - self.held.rise
 
 
 @dataclass(frozen=True, slots=True)
@@ -186,8 +186,11 @@ def close_candidates(now: Step) -> list[Tried]:
     ]
 
 
-def reposed(first: Step, held: HeldOut | None) -> Step:
-    """Refit the best few, and the model without them, with the errors about the best."""
+def reposed(first: Step, held: HeldOut | None, base: Point) -> Step:
+    """Refit the best few, and the model without them, with the errors about the best.
+
+    `base` is the model without any effect.
+    """
     posed_again = _posed_about(first)
     if posed_again is None:
         return replace(first, threshold=math.inf)
@@ -199,7 +202,7 @@ def reposed(first: Step, held: HeldOut | None) -> Step:
         for one in first.tried[: SEARCH.refitted]
     ]
     if held is not None:
-        few = [replace(one, rise=held.rise(before.at, one.fit.at)) for one in few]
+        few = [replace(one, held=held.change(base, before.at, one.fit.at)) for one in few]
     few.sort(key=lambda one: -one.evidence)
     rest = tried[SEARCH.refitted :]
     return replace(first, problem=problem, errors=errors, before=before, tried=(*few, *rest))
@@ -248,7 +251,7 @@ def selected(
         if not now.tried or not now.passes(now.tried[0]):
             steps.append(now)
             break
-        now = reposed(now, held)
+        now = reposed(now, held, base.at)
         steps.append(now)
         best = now.tried[0]
         if not now.passes(best):

@@ -16,7 +16,7 @@ from tssgeom.identify.finding import Candidate, Estimate, Misfit, Verdict
 from tssgeom.identify.fit import Fit, Problem
 from tssgeom.identify.law_fit import LawFit
 from tssgeom.identify.law_words import law_words
-from tssgeom.identify.misfit import UNINFORMATIVE, HeldOut, held_out_change
+from tssgeom.identify.misfit import UNINFORMATIVE, HeldOut, HeldOutChange, held_out_change
 from tssgeom.identify.screening import leftover
 from tssgeom.identify.selection import Selection, close_candidates, name_of
 
@@ -213,7 +213,7 @@ def number(estimate: Estimate) -> str:
     return f"{estimate.value / scale:.3g} ± {half / scale:.1g}{unit}"
 
 
-def why_not(one: Candidate, less: float, needed: float, rise: float) -> str:
+def why_not(one: Candidate, less: float, needed: float, held: HeldOutChange) -> str:
     """Return why a candidate was passed over.
 
     Parameters
@@ -224,14 +224,14 @@ def why_not(one: Candidate, less: float, needed: float, rise: float) -> str:
         By how much its evidence is below that of the best [1].
     needed
         What its ΔBIC has to exceed [1].
-    rise
-        Of χ² of the held-out runs [1].
+    held
+        What it changes on the held-out runs.
     """
     evidence = one.evidence
     if evidence.delta_bic < needed:
         return f"its ΔBIC of {evidence.delta_bic:.1f} is below the {needed:.1f} that clean campaigns reach."
     if evidence.size_over_limit <= 1.0:
         return f"it changes no channel by more than {evidence.size_over_limit:.2g} of the detection limit."
-    if evidence.delta_bic - rise < needed:
-        return "the held-out runs contradict it."
+    if evidence.delta_bic - held.rise < needed:
+        return f"{held.worse or 'the held-out runs do not show it'}."
     return f"its ΔBIC, held-out runs included, is {less:.1f} below the best."

@@ -18,6 +18,7 @@ from tssgeom.identify.assembly import (
     experiments,
     nominal,
     ranking,
+    refused,
     updated,
 )
 from tssgeom.identify.attribution import along_routes, heat_map, missing_shapes, pointed
@@ -232,6 +233,6 @@ def _finding(campaign: Campaign, started: _Started, work: Work, attribution: Att
         missing_shapes=shapes,
         rig=updated(campaign.rig, fit.at),
         traces=all_traces,
-        notes=notes,
+        notes=(*notes, *refused(work)),
         seconds=0.0,
     )

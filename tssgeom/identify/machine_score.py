@@ -1,0 +1,98 @@
+"""What each part of a machine promises by a straight line, before it is refitted."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from tssgeom.arrays import Matrix, Vector
+from tssgeom.identify.machine_evidence import FittedModel
+from tssgeom.identify.machine_parts import PARTS, Part
+from tssgeom.identify.machine_problem import FIT, Problem
+
+
+@dataclass(frozen=True, slots=True)
+class PartScore:
+    """What a straight line promises of a part."""
+
+    part: Part
+    problem: Problem
+    """With the part."""
+    start: Vector
+    """Where its refit starts, in u."""
+    gain: float
+    """Fall of χ² [1]."""
+
+
+class Lines(NamedTuple):
+    """A model as a straight line in its numbers, weighted."""
+
+    weight: Vector
+    """[rows] [1/SI]"""
+    slope: Matrix
+    """[rows, numbers] [1]"""
+    normal: Matrix
+    """[numbers, numbers] With the prior [1]."""
+    left: Vector
+    """[rows] [1]"""
+
+
+def straight_lines(model: FittedModel) -> Lines:
+    """Make a fitted model straight in its numbers."""
+    state, weight = model.state, np.concatenate(model.state.weight)
+    slope = model.problem.jacobian(state.u, state.channels, state.left) * weight[:, None]
+    normal = slope.T @ slope + np.eye(len(state.u))
+    return Lines(weight, slope, normal, weight * np.concatenate(state.left))
+
+
+def score_of(model: FittedModel, part: Part, lines: Lines) -> PartScore | None:
+    """Return the best of a few scales of a part, by a straight line in its switch."""
+    problem, state = model.problem, model.state
+    rig, own = part.on(problem.rig)
+    longer = replace(problem, rig=rig, parameters=(*problem.parameters, *own))
+    scales = [k for k, number in enumerate(part.numbers) if not number.switch]
+    switch = next(k for k, number in enumerate(part.numbers) if number.switch)
+    step = part.switch.prior.u(part.switch.start)
+    best: PartScore | None = None
+    for pushed in itertools.product((0.0, -1.0, 1.0), repeat=min(len(scales), 1)):
+        added = np.zeros(len(own))
+        for k, push in zip(scales, pushed, strict=False):
+            added[k] = push * math.log(PARTS.pushed) / part.numbers[k].prior.sd
+        for share in (1.0, 0.2):
+            added[switch] = share * step
+            there = longer.model(np.concatenate([state.u, added]))
+            if there is not None:
+                break
+        else:
+            continue
+        column = (
+            lines.weight * (np.concatenate(longer.left(there)) - np.concatenate(state.left)) / added[switch]
+        )
+        score = _line(lines, column)
+        amplitude = score[0]
+        number = part.switch
+        low, high = (
+            number.prior.u(each) if math.isfinite(each) else each for each in (number.lower, number.upper)
+        )
+        if not low < amplitude < high:
+            amplitude = min(max(amplitude, low + 1e-3), high - 1e-3)
+        gain = score[1] if score[0] * amplitude > 0.0 and low < score[0] else 0.0
+        start = added.copy()
+        start[switch] = min(max(amplitude, -FIT.farthest), FIT.farthest)
+        made = PartScore(part, longer, np.concatenate([state.u, start]), gain)
+        best = made if best is None or made.gain > best.gain else best
+    return best
+
+
+def _line(lines: Lines, column: Vector) -> tuple[float, float]:
+    """Return the amplitude of one more column and the fall of χ², all other numbers following."""
+    rest = column - lines.slope @ np.linalg.solve(lines.normal, lines.slope.T @ column)
+    power = float(rest @ rest)
+    if power <= 1e-12:
+        return 0.0, 0.0
+    pull = float(rest @ lines.left)
+    return -pull / power, pull**2 / power
