@@ -242,10 +242,14 @@ def _missing_warnings(observed: np.ndarray) -> tuple[str, ...]:
     if not inside.size:
         return ()
     missing = int((~observed[inside[0] : inside[-1] + 1]).sum())
-    bridged = (f"{missing} points missing, bridged",) if missing else ()
+    bridged = (f"{missing} point{'s' * (missing > 1)} missing, bridged",) if missing else ()
     ends = (("first", int(inside[0])), ("last", len(observed) - 1 - int(inside[-1])))
-    lost = "the {} {} points missing: the route is computed without them"
-    return bridged + tuple(lost.format(*end) for end in ends if end[1])
+    return bridged + tuple(
+        f"the {end} {'point is' if lost == 1 else f'{lost} points are'} missing: the route is computed "
+        f"without {'it' if lost == 1 else 'them'}"
+        for end, lost in ends
+        if lost
+    )
 
 
 def _distinct(points: Points) -> np.ndarray:
