@@ -48,3 +48,23 @@ def test_the_run_of_a_machine_is_followed_and_written(tmp_path, capsys):
     now = read_rig(written)
     assert now.friction.coefficient == pytest.approx(last["value"])
     assert now.sensors["motor_torque_Nm"].zero == pytest.approx(report["numbers"][1]["end"]["value"])
+
+
+@pytest.mark.parametrize("missing", [slice(None), slice(7, 8)])
+def test_a_drive_that_lacks_a_value_is_refused(tmp_path, capsys, missing):
+    scenario = pair(1, 1.0)
+    angle = np.array(scenario.readings["motor_angle_rad"])
+    angle[missing] = np.nan
+    columns = {"time_s": scenario.times, **scenario.readings, "motor_angle_rad": angle}
+    papq.write_table(pa.table(columns), tmp_path / "run.parquet")
+    points = 1e3 * route_points(scenario.machine.lengths_m, scenario.machine.angles_rad, 100)
+    np.savetxt(tmp_path / "shape.csv", points, delimiter=",", header="x_mm,y_mm,z_mm", comments="")
+    write_rig(tmp_path / "rig.toml", rig_of(scenario.machine))
+    shape, run, rig, out = (str(tmp_path / name) for name in ("shape.csv", "run.parquet", "rig.toml", "out"))
+    with pytest.raises(SystemExit) as ended:
+        main(["simulate", shape, "--drive", run, "--rig", rig, "--out", out, "--adapt", "--quiet"])
+    assert ended.value.code == 2
+    row = np.flatnonzero(np.isnan(angle))[0]
+    said = f"motor_angle_rad has no value at time_s = {scenario.times[row]:g}: fill every row"
+    assert said in capsys.readouterr().err.splitlines()[-1]
+    assert not (tmp_path / "out").exists()

@@ -126,7 +126,8 @@ class RunFollower:
     Raises
     ------
     SettingsError
-        Where the rig states no noise for a channel, or nothing is measured beside the drive.
+        Where the rig states no noise for a channel, nothing is measured beside the drive, or the drive lacks
+        a value.
     """
 
     def __init__(
@@ -256,6 +257,7 @@ def _check(rig: Rig, run: RunColumns | MachineColumns) -> None:
             "tension_out_N or elongation_m that does not drive"
         )
     _require_noise(rig, (drive, *measured))
+    _require_every_row(run.time, drive, run.tension_in if by_force else run.displacement_in)
 
 
 def _check_machine(rig: Rig, run: MachineColumns) -> None:
@@ -269,6 +271,14 @@ def _check_machine(rig: Rig, run: MachineColumns) -> None:
             "answers (docs/machines.md)"
         )
     _require_noise(rig, [name for name in (*drives, *measured) if name in run.channels])
+    for name in drives:
+        _require_every_row(run.time, name, run.channels.get(name))
+
+
+def _require_every_row(time: Vector, drive: str, column: Vector | None) -> None:
+    missing = () if column is None else np.flatnonzero(np.isnan(column))
+    if len(missing):
+        raise SettingsError(f"{drive} has no value at time_s = {time[missing[0]]:g}: fill every row")
 
 
 def _require_noise(rig: Rig, channels: Sequence[str]) -> None:
