@@ -11,16 +11,15 @@ import socket
 import subprocess
 import sys
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, field
-from functools import cache
 from time import monotonic
 from typing import Any
 
 import numpy as np
 
 from pipelines.live.messages import packed
+from pipelines.live.priorities import set_idle_priority, set_niceness
 from tssgeom.adapt.follower import Follower
 from tssgeom.errors import SourceError
 from tssgeom.io.formats.states import Origin
@@ -35,8 +34,8 @@ _CHUNK = 1 << 16  # bytes in one reading
 class ProcessLimits:
     """What a process beside the stream gets; no answer of the stream depends on it. All chosen."""
 
-    start: float = 60.0
-    """Time in which it has to be ready [s]."""
+    start: float = 180.0
+    """Time in which it has to be ready [s]: it takes 3 s, and a minute beside ten other processes."""
     start_reported: float = 2.0
     """Time after which a line states what the start waits for [s]."""
     end: float = 60.0
@@ -126,6 +125,7 @@ class SideProcess:
     def resume(self) -> None:
         """Let it go on where it was stopped, or ran only where a core is idle: it has to finish."""
         self._set_idle(False)
+        set_niceness(self.pid, os.nice(0))
         self._process.send_signal(signal.SIGCONT)
 
     def kill(self) -> None:
@@ -290,7 +290,7 @@ def await_ready(
             report(f"the stream waits for processes that start: {', '.join(one.role for one in late)}")
             reported = math.inf
         for process in processes:
-            if process.failure or monotonic() > end:
+            if process.failure or (monotonic() > end and process in late):
                 raise SourceError(process.failure or f"{process.role}: not ready in {_LIMITS.start:g} s")
         _call_back(selector)
 
@@ -314,36 +314,3 @@ def finish_all(selector: selectors.BaseSelector, processes: Sequence[SideProcess
 def _call_back(selector: selectors.BaseSelector, wait: float = _LIMITS.poll) -> None:
     for key, events in selector.select(wait):
         key.data(events)
-
-
-def set_idle_priority(pid: int, idle: bool) -> None:
-    """Let a process run only where a core is idle, or as any other again.
-
-    Niceness alone is not enough: a process that has begun to run keeps the core for a millisecond or two,
-    more than a stream has. Linux lets a process return from idle priority only with a privilege. Without it
-    nothing is changed, so that the process cannot starve.
-    """
-    if not _may_return():
-        return
-    policy = os.SCHED_IDLE if idle else os.SCHED_OTHER
-    with suppress(OSError):  # it has ended
-        for thread in os.listdir(f"/proc/{pid}/task"):
-            os.sched_setscheduler(int(thread), policy, os.sched_param(0))
-
-
-@cache
-def _may_return() -> bool:
-    """Whether this process may raise a priority that it has lowered; tried in a thread that then ends."""
-    if not hasattr(os, "SCHED_IDLE"):
-        return False
-    with ThreadPoolExecutor(1) as trial:
-        return trial.submit(_lowered_and_raised).result()
-
-
-def _lowered_and_raised() -> bool:
-    try:
-        os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
-        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
-    except OSError:
-        return False
-    return True

@@ -24,6 +24,7 @@ import numpy as np
 
 from pipelines.live.kept_files import Rotation, next_recording
 from pipelines.live.messages import unpacked
+from pipelines.live.priorities import set_niceness
 from tssgeom.adapt.saved import SavedFilter
 from tssgeom.errors import TssgeomError, out_of_memory
 from tssgeom.io.formats.states import Origin, write_state
@@ -112,13 +113,13 @@ class Drawer:
 
     def flush(self) -> None:
         """Draw the frames and numbers since the last flush."""
-        if self._results:
-            self._picture.draw(self._results)
-            self._results.clear()
-        if self._numbers:
-            numbers = np.concatenate(self._numbers)
-            self._picture.number(numbers[:, 0], numbers[:, 1:])
-            self._numbers.clear()
+        results, numbers = self._results, self._numbers
+        self._results, self._numbers = [], []  # where they find no memory, they are lost and leave theirs
+        if results:
+            self._picture.draw(results)
+        if numbers:
+            every = np.concatenate(numbers)
+            self._picture.number(every[:, 0], every[:, 1:])
 
     def finish(self) -> None:
         """Draw the rest, and let it reach the viewers."""
@@ -218,8 +219,6 @@ def main(role_name: str, *arguments: str) -> int:
     # the stream ends it by closing the socket; a terminal may not stop it, even where it writes to it
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGTTOU):
         signal.signal(number, signal.SIG_IGN)
-    with suppress(OSError):
-        os.nice(_NICENESS)
     sock = socket.socket(fileno=0)
 
     def report(status: dict[str, Any]) -> None:
@@ -231,6 +230,7 @@ def main(role_name: str, *arguments: str) -> int:
     except TssgeomError as error:
         report({"failed": str(error)})
         return 1
+    set_niceness(os.getpid(), os.nice(0) + _NICENESS)  # not before: the stream waits until it is ready
     report({"ready": True} | details)
 
     failed_at = list[float]()  # when failures were reported [s]

@@ -32,9 +32,10 @@ Trial = Callable[[Path], list[str]]
 def _answer_to(stream: Live, moment: float) -> dict:
     stream.input.write(line(points_mm(60, moment), moment))
     stream.input.flush()
-    while (answer := json.loads(stream.output.readline())).get("stale"):
-        pass
-    return answer
+    while text := stream.output.readline():
+        if not (answer := json.loads(text)).get("stale"):
+            return answer
+    raise AssertionError(f"the stream has ended: {stream.errors[-3:]}")
 
 
 def _faults(stream: Live) -> list[str]:
@@ -46,7 +47,7 @@ def _ended(stream: Live, number: int = signal.SIGTERM, *, more: float = 0.0, sta
     begun = time.monotonic()
     ended = stream.stop(number)
     took = time.monotonic() - begun
-    wrong = [f"hang {took:.1f} s"] if took > hang() + more else []
+    wrong = [f"hang {took:.1f} s"] if took > hang(more) else []
     return wrong + ([] if ended == status else [f"lost status {ended}"]) + _faults(stream)
 
 

@@ -22,9 +22,9 @@ _GIVEN_UP = 20.0  # s until a reaction counts as missing; chosen
 _BEGIN = 1000.0  # s on the clock of the good sender
 
 
-def hang() -> float:
-    """Return the time that counts as a hang [s]: more where other programs use the cores too."""
-    return _HANG * max(os.getloadavg()[0] / (os.cpu_count() or 1), 1.0)
+def hang(more: float = 0.0) -> float:
+    """Return the time that counts as a hang [s], `more` than elsewhere; longer where others use the cores."""
+    return (_HANG + more) * max(os.getloadavg()[0] / (os.cpu_count() or 1), 1.0)
 
 
 @contextmanager

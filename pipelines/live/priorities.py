@@ -1,0 +1,53 @@
+"""Priorities of the processes beside a stream: below its own, but where it waits for them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from functools import cache
+
+
+def set_niceness(pid: int, niceness: int) -> None:
+    """Set the niceness of a process; a lower one needs a privilege, and without it nothing is changed."""
+    _each_thread(pid, lambda thread: os.setpriority(os.PRIO_PROCESS, thread, niceness))
+
+
+def _each_thread(pid: int, change: Callable[[int], None]) -> None:
+    """Change the priority of each thread of a process, of which Linux has one for each."""
+    folder = f"/proc/{pid}/task"
+    with suppress(OSError):  # it has ended, or may not
+        for thread in os.listdir(folder) if os.path.isdir(folder) else (pid,):
+            change(int(thread))
+
+
+def set_idle_priority(pid: int, idle: bool) -> None:
+    """Let a process run only where a core is idle, or as any other again.
+
+    Niceness alone is not enough: a process that has begun to run keeps the core for a millisecond or two,
+    more than a stream has. Linux lets a process return from idle priority only with a privilege. Without it
+    nothing is changed, so that the process cannot starve.
+    """
+    if not _may_return():
+        return
+    policy = os.SCHED_IDLE if idle else os.SCHED_OTHER
+    _each_thread(pid, lambda thread: os.sched_setscheduler(thread, policy, os.sched_param(0)))
+
+
+@cache
+def _may_return() -> bool:
+    """Whether this process may raise a priority that it has lowered; tried in a thread that then ends."""
+    if not hasattr(os, "SCHED_IDLE"):
+        return False
+    with ThreadPoolExecutor(1) as trial:
+        return trial.submit(_lowered_and_raised).result()
+
+
+def _lowered_and_raised() -> bool:
+    try:
+        os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
+        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+    except OSError:
+        return False
+    return True

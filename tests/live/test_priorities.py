@@ -1,0 +1,43 @@
+"""Processes beside a stream give way to it while it runs, not while it waits for them."""
+
+import os
+import selectors
+import sys
+
+import pytest
+
+from pipelines.live.processes import SideProcess, await_ready, finish_all
+from pipelines.live.worker import Drawer
+from tssgeom.view.scene.live import LivePicture
+from tssgeom.view.scene.writer import GrowingFile
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="niceness of threads")
+
+
+def niceness(process: SideProcess) -> set[int]:
+    threads = os.listdir(f"/proc/{process.pid}/task")
+    return {os.getpriority(os.PRIO_PROCESS, int(thread)) for thread in threads}
+
+
+def test_a_recorder_gives_way_once_it_is_ready_and_not_at_its_end(tmp_path):
+    own = os.nice(0)
+    with selectors.DefaultSelector() as selector:
+        file = str(tmp_path / "run.rrd")
+        recorder = SideProcess(selector, "record", [file, file, "inf", "inf"], print)
+        assert niceness(recorder) == {own}
+        await_ready(selector, [recorder], print)
+        assert niceness(recorder) == {min(own + 10, 19)}
+        if os.geteuid() == 0:
+            recorder.resume()
+            assert niceness(recorder) == {own}
+        assert finish_all(selector, [recorder])
+
+
+def test_frames_that_cannot_be_drawn_are_not_drawn_again_and_again(tmp_path):
+    file = GrowingFile(tmp_path / "run.rrd")
+    drawer = Drawer(LivePicture(file.recording, "run"))
+    drawer.take("picture", "no frame")
+    with pytest.raises(AttributeError):
+        drawer.flush()
+    drawer.flush()
+    file.finish()
