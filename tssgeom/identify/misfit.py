@@ -169,11 +169,13 @@ def _is_worse(before: Vector, after: Vector, count: int, chance: float) -> bool:
 
 
 def _worse(channel: str, rms: Sequence[float]) -> str:
-    """Say how much worse a channel is predicted."""
+    """Say what contradicts a part: how much worse a channel is predicted, or that its rest is no noise."""
     name, _, unit = channel.rpartition("_")
+    what = f"{name.replace('_', ' ')} of the held-out runs"
+    if rms[1] <= rms[0]:
+        return f"what it leaves of {what} is no error of that sensor"
     first, second = (f"{1e3 * each:.3g} mm" if unit == "m" else f"{each:.3g} {unit}" for each in rms)
-    what = f"{name.replace('_', ' ')} of the held-out runs is predicted worse with it"
-    return f"{what}, within {second} rms instead of {first}"
+    return f"{what} is predicted worse with it, within {second} rms instead of {first}"
 
 
 def held_out(runs: tuple[Reading, ...], rig: Rig, base: Point) -> HeldOut | None:

@@ -209,6 +209,7 @@ def _tables(setup: Setup, tables: Matrix) -> set[int]:
 
 _OF_STRETCH = {"strain", "stretch_in", "stretch_out", "load_path"}
 _OF_CONTACTS = {"load", "speed", "travel", "time", "position"}
+_BY_ITSELF = {"time", "position"}  # friction of contacts that stand: what lies behind them may slide
 
 
 def _numbers(setup: Setup) -> list[float]:
@@ -219,7 +220,7 @@ def _numbers(setup: Setup) -> list[float]:
     curved = curved or tables & _OF_STRETCH
     times = (*(time for _, time in setup.more_creep), 0.0, 0.0)
     by_rate = by_speed or setup.drag_Ns_per_m2 != 0.0
-    alone = not (by_rate or setup.creep_ratio or setup.expansion_per_K)
+    alone = not (by_rate or setup.creep_ratio or setup.expansion_per_K or tables & _BY_ITSELF)
     numbers = {
         "pretension": setup.pretension,
         "load": setup.load_stiffness,
