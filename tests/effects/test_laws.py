@@ -187,7 +187,7 @@ def test_a_law_that_is_none_is_refused_with_the_hint(make, said):
 def test_friction_that_falls_by_itself_slides_behind_contacts_that_stand(over):
     """A balance of all contacts, which friction by speed needs, gives the same as a step without it.
 
-    After a short way back contacts near the drive stand; farther on friction of the pull still acts, and falls.
+    After a short way back contacts near the drive stand; farther on friction of the pull acts, and falls.
     """
     law = friction(over, np.linspace(0.0, 60.0 if over == "time" else 0.01, 6), np.linspace(1.0, 0.5, 6))
     alone, balanced = predicted(law), predicted(law, VelocityDependentFriction(gain=1e-9))
