@@ -209,7 +209,7 @@ def _tables(setup: Setup, tables: Matrix) -> set[int]:
 
 _OF_STRETCH = {"strain", "stretch_in", "stretch_out", "load_path"}
 _OF_CONTACTS = {"load", "speed", "travel", "time", "position"}
-_BY_ITSELF = {"travel", "time", "position"}  # friction that changes where a contact does not slide
+_BY_ITSELF = {"travel", "time", "position"}  # friction that may fall where a contact stands
 
 
 def _numbers(setup: Setup) -> list[float]:
@@ -220,7 +220,7 @@ def _numbers(setup: Setup) -> list[float]:
     curved = curved or tables & _OF_STRETCH
     times = (*(time for _, time in setup.more_creep), 0.0, 0.0)
     by_rate = by_speed or setup.drag_Ns_per_m2 != 0.0
-    moved = setup.creep_ratio or setup.expansion_per_K or setup.wear_gain or tables & _BY_ITSELF
+    moved = setup.creep_ratio or setup.expansion_per_K or setup.wear_gain < 0.0 or tables & _BY_ITSELF
     alone = not (by_rate or moved)
     numbers = {
         "pretension": setup.pretension,
