@@ -202,10 +202,12 @@ def test_profiles_on_nodes():
         profile, route = nodes.profile, nodes.route
         begin = chain.stations[0]
         expected = arcs_summary.profile(data, chain, route.s + begin)
+        # rounding of s + begin may put a node at a joint on its other side
+        off = np.abs(route.s[:, None] + begin - chain.joints[1:]).min(axis=1, initial=1.0) > 1e-15
         for result, line in zip(
             (profile.kappa, profile.kappa_se, profile.phi, profile.phi_se), expected, strict=True
         ):
-            close(result, line)
+            close(result[off], line[off])
         # every joint is a node, and so are both ends
         for joint in (*chain.joints[1:], chain.stations[-1]):
             assert np.min(np.abs(route.s + begin - joint)) < 1e-15

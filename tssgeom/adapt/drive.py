@@ -10,6 +10,7 @@ import math
 from typing import NamedTuple
 
 from tssgeom.arrays import Vector
+from tssgeom.core.constants import CHANCE
 
 
 class DriveNoise(NamedTuple):
@@ -18,9 +19,6 @@ class DriveNoise(NamedTuple):
     overshoot: float = 1.5
     """Error of a drive that stands for long, which its last readings have moved too far, over the noise [1].
     Measured: 1.54 to 1.64 in holds of four simulated machines, 0.9 to 1.0 in their first ten readings."""
-    back: float = 5.5
-    """Standard deviations by which a reading is behind the drive where it has turned [1].
-    Chosen: noise alone does so once in some hours of holds at 100 Hz."""
     memory: float = 0.1
     """Share of the newest reading in mean reading and mean step [1]. Chosen: ten readings of a motion."""
     slow: float = 0.3
@@ -63,7 +61,7 @@ class DriveTracker:
         self._in_leg += 1
         self._mean += _NOISE.memory * (reading - self._mean)
         beyond = self._way * (reading - self._extreme) / noise
-        turned = self._way * (reading - self.value) < -_NOISE.back * noise
+        turned = self._way * (reading - self.value) < -CHANCE.never * noise
         self._step += _NOISE.memory * (max(beyond, 0.0) - self._step)
         if not turned and beyond <= 0.0:  # it stands, or turns
             self._stood += 1

@@ -30,9 +30,6 @@ class FilterSettings(NamedTuple):
 
     members: int = 64
     """Tendons [1]. Chosen: the error of a correlation of two of them is an eighth."""
-    commanded: int = 32
-    """Of them, those that show what a command does [1]. Chosen: its standard errors are known to an eighth,
-    and it takes half of the time."""
     drift_interval: float = 0.05
     """Time between two additions of drift [s]. Chosen: small beside any phase of a motion."""
     bent: float = 0.3
@@ -46,8 +43,6 @@ class FilterSettings(NamedTuple):
     (201)."""
     least_noise: float = 1e-6
     """Noise of a channel that states none [N, m]. Chosen: below every sensor."""
-    first_span: float = 1e-2
-    """Time that the first step takes [s]; chosen: only effects over time feel it."""
 
 
 SETTINGS = FilterSettings()

@@ -26,8 +26,6 @@ from tssgeom.tendon.transmission import Transmission
 class CarrySettings(NamedTuple):
     """Numbers of how a stream takes over the estimates of a filter."""
 
-    refresh: float = 1.0
-    """Longest time for which a rig is used [s]; chosen: drifts take minutes."""
     moved: float = 0.1
     """Change of a number, over its standard error, from which the rig is built anew [1]; chosen: small."""
     sharper: float = 0.5
@@ -85,7 +83,6 @@ class FollowedTendon(OnSensedRoute):
     def __init__(self, rig: Rig) -> None:
         super().__init__(rig)
         self._sensors = rig.sensors
-        self._since = math.nan
         self._model: Model | None = None
         self._model_of: tuple[Rig, Arcs, Arcs] | None = None
         self._felt: tuple[Arcs, float, Arcs] | None = None
@@ -93,12 +90,12 @@ class FollowedTendon(OnSensedRoute):
         self._way, self._front = 1, 0
 
     def refresh(self, now: RigFilter, known: FollowedRig) -> None:
-        """Build the rig anew where its numbers have changed, or where that was long ago."""
-        at, is_new = self._at, now.time < self._since + CARRY.refresh
-        if is_new and at is not None and (np.abs(known.values - at) <= CARRY.moved * known.se).all():
+        """Build the rig anew where its numbers have changed."""
+        at = self._at
+        if at is not None and (np.abs(known.values - at) <= CARRY.moved * known.se).all():
             return
         self.rig = msgspec.structs.replace(now.rig_now(), sensors=self._sensors)
-        self._at, self._since = known.values, now.time
+        self._at = known.values
 
     def felt(self, sensed: Arcs) -> Arcs:
         """Return the route as the tendon feels it, its angles times the rig's gain."""

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from tssgeom.adapt.alert import Alert, Cause
 from tssgeom.adapt.diagnosis import SLICE, Explanation
-from tssgeom.adapt.ensemble import Ensemble
+from tssgeom.adapt.ensemble import SETTINGS, Ensemble
 from tssgeom.adapt.kinds import kind_of, remarks
 from tssgeom.adapt.moments import Moment
 from tssgeom.adapt.readings import FollowedRig
@@ -34,8 +34,6 @@ class FollowerSettings(NamedTuple):
     """Times after an alarm at which mechanisms are compared [s]. Chosen: a stroke, and two more."""
     sure: float = 0.8
     """Probability from which the likeliest mechanism is taken into the rig [1]; chosen."""
-    stands_by: float = 1e-6
-    """Change of the drive between frames below which it holds [m, N]; chosen."""
     quiet: float = 60.0
     """Time without a disagreement after which an alert ends [s]. Chosen: several strokes."""
 
@@ -271,6 +269,6 @@ class Follower:
         pair = before[-10:] if len(before) > 1 else list(self._moments)[:10]
         drive = [self._kind.drive(one.readings) for one in pair]
         moved = drive[-1] - drive[0] if drive else 0.0
-        if abs(moved) < 10 * _SETTINGS.stands_by:
+        if abs(moved) < 10 * SETTINGS.least_noise:
             return "hold"
         return "pulling" if moved > 0.0 else "releasing"

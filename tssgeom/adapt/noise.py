@@ -7,13 +7,14 @@ from typing import NamedTuple
 
 import msgspec
 
+from tssgeom.plausibility.limits import LIMITS
 from tssgeom.rig import Rig, Sensor
 
 
 class AssumedNoise(NamedTuple):
     """Noise of a channel by its unit. Chosen: as of coarse load cells and encoders of a laboratory."""
 
-    N: float = 0.05
+    N: float
     """Of a tension [N]."""
     m: float = 2e-5
     """Of a position or an elongation [m]."""
@@ -25,7 +26,7 @@ class AssumedNoise(NamedTuple):
     """Of a current [A]."""
 
 
-_ASSUMED = AssumedNoise()
+_ASSUMED = AssumedNoise(N=LIMITS.weakest_N)
 
 
 def assumed_noise(channel: str) -> float:

@@ -26,6 +26,7 @@ from tssgeom.adapt.readings import (
     predicted_readings,
 )
 from tssgeom.arrays import Matrix, Vector
+from tssgeom.core.constants_tendon import BAR
 from tssgeom.errors import FitError
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
@@ -99,7 +100,7 @@ class RigFilter(Ensemble):
         """
         if "displacement_in_m" in self.muted:
             readings = readings._replace(displacement_in=None)
-        span = SETTINGS.first_span if math.isnan(self.time) else time - self.time
+        span = BAR.untimed if math.isnan(self.time) else time - self.time
         self._drift(span)
         count, tracker = len(self.members), self._tracker(readings.by_force)
         numbers = np.vstack((self.members, self.members[:1], self.members[:1]))
@@ -138,9 +139,9 @@ class RigFilter(Ensemble):
 
         A position [m], or else a true tension [N]; docs/model.md (205).
         """
-        by_force, numbers = displacement_in is None, self.members[: SETTINGS.commanded]
+        by_force, numbers = displacement_in is None, self.members[: SETTINGS.members // 2]
         drive = np.full(len(numbers), tension_in if by_force else displacement_in)
-        span = max(span, SETTINGS.first_span)
+        span = max(span, BAR.untimed)
         return mean_and_sd(self._stepped(arcs, numbers, drive, by_force, span, 0.0)[1])
 
     def drive_value(self, by_force: bool) -> float:

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tssgeom.arrays import Vector
+from tssgeom.core.constants import CHANCE
 
 
 class TrailSettings(NamedTuple):
@@ -24,11 +25,6 @@ class TrailSettings(NamedTuple):
     lag of a motion is then as large as the noise that is left."""
     longest: int = 64
     """Most readings of a line [1]; chosen: a standing drive is then known to a quarter of its noise."""
-    turns: float = 6.0
-    """Noises behind the farthest estimate at which a drive has turned [1]. Measured: 20 min of strokes have
-    no other turns."""
-    rises: float = 3.0
-    """Standard errors by which the line has to rise where the drive moves for sure [1]; chosen."""
     speed: float = 1.0
     """Noises from reading to reading by which it has to rise too [1]. Chosen: it then takes some readings to
     turn."""
@@ -77,11 +73,11 @@ class TrailedDrive:
             self.farthest = self.committed = self.value
         way, behind = self.way, self.farthest - self.value
         if way == 0:
-            if abs(behind) > TRAIL.turns * self.noise:
+            if abs(behind) > CHANCE.never * self.noise:
                 self.way, self.farthest = (-1 if behind > 0.0 else 1), self.value
             return None
         self.farthest = way * max(way * self.farthest, way * self.value)
-        if way * behind <= TRAIL.turns * self.noise:
+        if way * behind <= CHANCE.never * self.noise:
             return None
         turned = way * max(_end_of_leg(way * np.array(self.recent), self.noise), way * self.committed)
         kept = [one for one in self.recent if way * (turned - one) > 0.0][-count:]
@@ -107,7 +103,7 @@ class TrailedDrive:
         last = np.array(self.recent)[-max(count, 2) :]
         steps = np.arange(len(last)) - 0.5 * (len(last) - 1)
         squares = float(steps @ steps)
-        least = max(TRAIL.rises * math.sqrt(squares), TRAIL.speed * squares) * self.noise
+        least = max(CHANCE.clear * math.sqrt(squares), TRAIL.speed * squares) * self.noise
         return self.way * float(steps @ last) > least > 0.0
 
     def set(self, value: float) -> None:

@@ -219,9 +219,7 @@ def _shape(problem: Problem, fit: Fit, slope: Vector, name: str, x: Vector) -> S
     column = problem.whitening.whitened(slope[:, None] * hats)
     rest = fit.jacobian[:, 1:]
     jacobian = np.column_stack([column, rest])
-    precision = np.diag(
-        np.concatenate([np.full(len(knots), FIT.base_sd**-2.0), np.full(rest.shape[1], 1e-6)])
-    )
+    precision = np.diag(np.concatenate([np.full(len(knots), FIT.log_sd**-2.0), np.full(rest.shape[1], 1e-6)]))
     covariance = np.asarray(np.linalg.inv(jacobian.T @ jacobian + precision), dtype=np.float64)
     want = covariance @ (jacobian.T @ fit.residual)
     gone = fit.residual - jacobian @ want

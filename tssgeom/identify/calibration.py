@@ -14,6 +14,7 @@ from msgspec.structs import replace as changed
 from scipy.stats import t as student
 
 from tssgeom.arrays import Matrix, Vector, read_only
+from tssgeom.core.constants import CHANCE
 from tssgeom.effects import TensionOutOffset
 from tssgeom.errors import FitError, SettingsError
 from tssgeom.identify.calibrated_run import (
@@ -23,7 +24,7 @@ from tssgeom.identify.calibrated_run import (
     calibrated_run,
     start_rig,
 )
-from tssgeom.identify.fit import FIT, Fit, Point, Problem, Whitening, columns, prior_sd, refined, unshared
+from tssgeom.identify.fit import Fit, Point, Problem, Whitening, columns, prior_sd, refined, unshared
 from tssgeom.identify.fit_quality import (
     FIT_TEST,
     ROBUST,
@@ -282,7 +283,7 @@ def _estimates(fit: _Fit, half: Vector, observable: np.ndarray) -> Iterator[Esti
         yield Estimate(name, value, unit, low, high, bool(observable[k]), _why(bool(observable[k]), name))
     for k, (zero, u) in enumerate(zip(fit.run.zeros, fit.at.zeros, strict=True), start=2):
         value, low, high = (zero.value(each) for each in (u, u - half[k], u + half[k]))
-        shows, bound = bool(observable[k]), abs(u) >= FIT.zero_bound and not zero.name.startswith("turn")
+        shows, bound = bool(observable[k]), abs(u) >= CHANCE.clear and not zero.name.startswith("turn")
         yield Estimate(zero.name, value, zero.unit, low, high, shows, _why(shows, zero.name), bound)
     fitted = {zero.name for zero in fit.run.zeros}
     missing = [] if stretch else [("compliance", "1/N")]

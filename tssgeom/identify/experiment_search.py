@@ -28,7 +28,7 @@ from tssgeom.identify.expected_evidence import (
 from tssgeom.identify.experiment_routes import RouteChoice, SlowStroke
 from tssgeom.identify.readings import Reading
 from tssgeom.identify.run_limits import KEYS, RunLimits, top_speed
-from tssgeom.identify.selection import separable_from
+from tssgeom.identify.selection import SEARCH, separable_from
 from tssgeom.identify.waveform import Course, Range, Waveform, course_of, random_waveform, varied_waveform
 from tssgeom.rig import Rig
 
@@ -39,8 +39,6 @@ class SearchEffort:
 
     sketched: int = 100
     """Random drives, judged with white noise alone; chosen: some seconds."""
-    kept: int = 6
-    """Best of them that are judged with all errors; chosen."""
     improved: int = 24
     """Changes of the best drive that are tried; chosen: some seconds."""
     attempts: int = 20
@@ -221,7 +219,7 @@ def best_run(
             f"limits forbid every run ({words}): allow more with --limits, of {', '.join(KEYS)}"
         )
     sketched.sort(key=search.white, reverse=True)
-    best = max((search.whole(each) for each in sketched[: EFFORT.kept]), key=lambda each: each[0])
+    best = max((search.whole(each) for each in sketched[: SEARCH.refitted]), key=lambda each: each[0])
     within = dict(ranges)
     for _ in range(round(share * EFFORT.improved)):
         near = varied_waveform(best[1].waveform, rng)

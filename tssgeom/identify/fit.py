@@ -14,6 +14,7 @@ from msgspec.structs import replace as changed
 from scipy.linalg import solve_triangular
 
 from tssgeom.arrays import Matrix, Vector
+from tssgeom.core.constants import CHANCE
 from tssgeom.effects import AnyEffect, Parameter
 from tssgeom.errors import FitError
 from tssgeom.identify.prediction import FINE, Errors, Stack, errors_of, simulated, stacked
@@ -30,16 +31,13 @@ class FitSettings:
     Frozen on the development seeds of `benchmarks.discovery`.
     """
 
-    base_sd: float = 1.0
-    """Prior s.d. of ln μ and ln ρ [1]; chosen: they are free but for factors of e."""
-    scale_sd: float = 1.0
-    """Prior s.d. of the logarithm of a scale of an effect [1]; chosen: factors of e."""
+    log_sd: float = 1.0
+    """Prior s.d. of ln μ, ln ρ, and of the logarithm of a scale of an effect [1]; chosen: free but for
+    factors of e."""
     size_sd: float = 10.0
     """Prior s.d. of an amplitude over that of its effect [1]; chosen: free but for what is absurd."""
     unit_m: float = 0.02
     """Unit of arc length in the fit of a hidden bend [m]; chosen."""
-    zero_bound: float = 3.0
-    """S.d. of its prior within which a zero of a run is fitted [1]; chosen."""
 
 
 FIT = FitSettings()
@@ -122,7 +120,7 @@ class Point:
             compliance=float(self.compliance * scale[1]),
             effects=tuple(effects),
             zeros=tuple(
-                min(max(u + float(du), -FIT.zero_bound), FIT.zero_bound)
+                min(max(u + float(du), -CHANCE.clear), CHANCE.clear)
                 for u, du in zip(self.zeros, by[own:], strict=True)
             ),
         )
@@ -173,8 +171,8 @@ def _free(which: int, key: str, parameter: Parameter, length: float) -> Free:
 
 def prior_sd(at: Point) -> Vector:
     """Return standard deviations of the priors of ln μ, ln ρ and what is free."""
-    own = [FIT.scale_sd if free.log else 1e3 if free.key == "at_m" else FIT.size_sd for free in at.free]
-    return np.array([FIT.base_sd, FIT.base_sd, *own, *(1.0 for _ in at.zeros)])
+    own = [FIT.log_sd if free.log else 1e3 if free.key == "at_m" else FIT.size_sd for free in at.free]
+    return np.array([FIT.log_sd, FIT.log_sd, *own, *(1.0 for _ in at.zeros)])
 
 
 def prior_deviation(problem: Problem, at: Point) -> Vector:
@@ -220,7 +218,7 @@ def posed_about(problem: Problem, at: Point) -> LeastSquares[Point]:
 
     own = 2 + len(at.free)
     step, longest = np.full(at.size, SOLVER.step), np.full(at.size, 0.5 * FIT.size_sd)
-    step[2:own], longest[:2] = SOLVER.coarse_step, FIT.base_sd
+    step[2:own], longest[:2] = SOLVER.coarse_step, FIT.log_sd
     lower, upper = _bounds(at)
     return LeastSquares(
         *(model, np.diag(prior_sd(at) ** -2.0), lower, upper),
@@ -234,8 +232,8 @@ def posed_about(problem: Problem, at: Point) -> LeastSquares[Point]:
 def _bounds(at: Point) -> tuple[Vector, Vector]:
     """Return how far down and up every number may go [size]."""
     own = [(free, free.u(getattr(at.effects[free.effect], free.key))) for free in at.free]
-    lower = [free.u(free.low) - u for free, u in own] + [-FIT.zero_bound - u for u in at.zeros]
-    upper = [free.u(free.high) - u for free, u in own] + [FIT.zero_bound - u for u in at.zeros]
+    lower = [free.u(free.low) - u for free, u in own] + [-CHANCE.clear - u for u in at.zeros]
+    upper = [free.u(free.high) - u for free, u in own] + [CHANCE.clear - u for u in at.zeros]
     return np.array([-np.inf, -np.inf, *lower]), np.array([np.inf, np.inf, *upper])
 
 

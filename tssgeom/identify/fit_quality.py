@@ -9,6 +9,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from tssgeom.arrays import Vector
+from tssgeom.core.constants import CHANCE
 from tssgeom.plausibility.limits import LIMITS as PLAUSIBLE
 from tssgeom.statistics import robust_sd
 
@@ -39,9 +40,6 @@ FIT_TEST = FitTest()
 class RobustFit:
     """How calibration weighs readings. Chosen on the runs of `benchmarks.calibration` and `machines`."""
 
-    huber: float = 3.0
-    """Standard deviations from which a residual counts less [1]; cited: P. J. Huber, Robust statistics (1981)
-    has 1.345 for 95 % efficiency; chosen larger, as most runs have no outlier."""
     first_sigma: float = 0.02
     """Of the range of a channel: its standard deviation in the first round [1]; chosen."""
     rounds: int = 2
@@ -165,7 +163,7 @@ def weights_of(left: Sequence[Vector]) -> tuple[list[Vector], Vector]:
         sigma = spread(each)
         inflation = inflation_of(each / sigma)
         far = np.maximum(np.abs(each) / sigma, 1e-12)
-        weights.append(np.sqrt(np.minimum(1.0, ROBUST.huber / far) / inflation) / sigma)
+        weights.append(np.sqrt(np.minimum(1.0, CHANCE.clear / far) / inflation) / sigma)
         inflations.append(inflation)
     return weights, np.array(inflations)
 

@@ -163,7 +163,7 @@ def _library_numbers(effect: Library) -> Iterator[Number]:
             switched = True
             prior = Prior(0.0, PARTS.wide * max(stated.prior_sd, abs(stated.typical)), log=False)
         else:
-            prior = Prior(stated.typical, FIT.scale_sd)
+            prior = Prior(stated.typical, FIT.log_sd)
         key_of_rig = f"effects[{{}}].{key}"
         yield Number(
             *(key, key_of_rig, stated.unit, prior, stated.typical),

@@ -73,11 +73,10 @@ class KnotSettings:
     """Of the noise: unit of the error of a sensor [1]; chosen."""
     lag_s: float = 0.05
     """Unit of a lag, and of the time in which friction follows the speed [s]; chosen."""
-    most: float = 2.3
-    """Of ln f: friction by more than a factor of ten is at its bound [1]; chosen."""
 
 
 KNOTS = KnotSettings()
+_MOST = math.log(10.0)  # of ln f: friction by more than a factor of ten is at its bound
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,13 +149,13 @@ def _friction(over: FrictionOver, x: Vector, unit: str) -> Mechanism:
 
     even = (x - x[0]) / (x[-1] - x[0])
     name = f"{over}_{unit}"
-    bounds = (-KNOTS.most, KNOTS.most)
+    bounds = (-_MOST, _MOST)
     return Mechanism(f"friction_over_{over}", x, even, effect, np.exp, "1", name, *bounds)
 
 
 def _friction_over_speed(x: Vector) -> Mechanism:
     """Return friction over speed that follows it within a time; docs/model.md (185)."""
-    knots, most = tuple(x.tolist()), np.append(np.full(len(x), KNOTS.most), np.inf)
+    knots, most = tuple(x.tolist()), np.append(np.full(len(x), _MOST), np.inf)
 
     def value(u: Vector) -> Vector:
         return np.exp(u[:-1])

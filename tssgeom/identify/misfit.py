@@ -17,7 +17,7 @@ from tssgeom.core.constants import CHANCE
 from tssgeom.errors import FitError
 from tssgeom.identify.finding import PHASES, Misfit, Trace
 from tssgeom.identify.fit import Point, Problem, Whitening, posed, whitening
-from tssgeom.identify.fit_quality import ROBUST, inflation_of
+from tssgeom.identify.fit_quality import inflation_of
 from tssgeom.identify.prediction import FINE, Errors, exact, stacked, total_sigma
 from tssgeom.identify.readings import Reading
 from tssgeom.identify.screening import leftover
@@ -157,7 +157,7 @@ class HeldOut:
 def _huber(whitened: Vector) -> float:
     """Return the sum of squares, outliers by Huber's loss."""
     off = np.abs(whitened)
-    near = np.minimum(off, ROBUST.huber)
+    near = np.minimum(off, CHANCE.clear)
     return float(np.sum(near * (2.0 * off - near)))
 
 

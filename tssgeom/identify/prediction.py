@@ -44,13 +44,12 @@ class NoiseModelSettings:
     """Over the median s.d. of a channel: a less exact reading is left out of its rms [1]; chosen."""
     draws: int = 8
     """Draws of the noise of the drive; chosen: its s.d. is known to 25 %."""
-    unsure: float = 0.3
-    """Of the change about a sharp turn: s.d. of a channel there [1]; chosen near 1/√12."""
     soft: int = 3
     """Samples over which a hold may begin and end; chosen on development seeds."""
 
 
 NOISE = NoiseModelSettings()
+_UNIFORM_SD = 1.0 / math.sqrt(12.0)  # of the change about a sharp turn: it lies anywhere between two samples
 _SEED = 20  # of the draws; any, but the same in all fits of a campaign
 
 FINE = 240
@@ -159,7 +158,7 @@ def _from_drive(reading: Reading, rig: Rig, effects: Sequence[AnyEffect]) -> dic
             jump[name] = np.maximum(jump[name], _jump(truth[name]))
     beside = _beside_turns(drive, holds)
     return {
-        name: np.hypot(np.sqrt(_spread(each)), NOISE.unsure * beside * jump[name])
+        name: np.hypot(np.sqrt(_spread(each)), _UNIFORM_SD * beside * jump[name])
         for name, each in square.items()
     }
 

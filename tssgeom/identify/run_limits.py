@@ -16,6 +16,7 @@ from tssgeom.errors import SettingsError
 from tssgeom.identify.fit import Point
 from tssgeom.identify.prediction import run_channels
 from tssgeom.identify.readings import Reading
+from tssgeom.identify.screening import DETECTION
 from tssgeom.identify.waveform import FEWEST
 from tssgeom.rig import Rig, Sensor
 
@@ -26,8 +27,6 @@ class LimitSettings:
 
     through: int = 4
     """Steps over which a speed is taken; chosen: corners that were added to a drive make short steps."""
-    percentile: float = 99.0
-    """Of the speeds of a run, that its greatest is taken at; chosen."""
     of_scale: float = 0.95
     """Of the full scale of a load cell: tension that is used at most [1]; chosen."""
 
@@ -148,7 +147,7 @@ def top_speed(time: Vector, position: Vector) -> float:
     """Return the greatest speed of a run [m/s], over a few steps; `time` [n] s, `position` [n] m."""
     k = min(LIMITS.through, len(time) - 1)
     speeds = np.abs(position[k:] - position[:-k]) / (time[k:] - time[:-k])
-    return float(np.percentile(speeds, LIMITS.percentile))
+    return float(np.quantile(speeds, DETECTION.part))
 
 
 def _check(limits: RunLimits, rig: Rig) -> None:

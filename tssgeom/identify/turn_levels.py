@@ -22,16 +22,8 @@ from tssgeom.identify.turn_shapes import SHAPE
 class LevelSettings:
     """Which readings the level of a turn is estimated from."""
 
-    of_leg: float = 0.5
-    """The same over the leg [1]; derived: half a cosine bends the other way from its middle on."""
-    least: int = 4
-    """Readings of a side that count at least; derived: slope and end of a side, and two to check them."""
     most: int = 40
     """Readings of a side that count at most; chosen for speed."""
-    closer: float = 8.0
-    """Times that the next values are closer together [1]; derived: the neighbours of the best one."""
-    rounds: int = 4
-    """Times that they are tried at most [1]; derived: to 1/4000 of the readings."""
     counted: float = 6.0
     """Values that count from which they are close enough [1]; chosen."""
 
@@ -97,7 +89,7 @@ def turn_level(time: Vector, drive: Vector, turn: int, between: tuple[int, int],
     off = np.abs(drive - drive[turn])
     start = turn - _reach(off[between[0] : turn + 1][::-1], noise)
     stop = turn + _reach(off[turn : between[1] + 1], noise) + 1
-    if min(turn - start, stop - 1 - turn) < LEVEL.least:
+    if min(turn - start, stop - 1 - turn) < 2 * SHAPE.side:
         step = min(off[turn - 1], off[turn + 1])
         return TurnLevel(float(drive[turn]), math.hypot(noise, 0.5 * step), turn, drive[turn : turn + 1])
     noise = max(noise, _EXACT * float(np.ptp(drive)))
@@ -119,9 +111,9 @@ def turn_level(time: Vector, drive: Vector, turn: int, between: tuple[int, int],
 
 def _reach(off: Vector, noise: float) -> int:
     """Return how many readings of a leg count; `off` is how far each lies from the turn, the turn first."""
-    inside = off < min(SHAPE.round * noise, LEVEL.of_leg * float(off.max()))
+    inside = off < min(SHAPE.round * noise, 0.5 * float(off.max()))
     near = len(off) - 1 if inside.all() else int(np.argmin(inside)) - 1
-    return min(max(near, LEVEL.least), LEVEL.most, len(off) // 2)
+    return min(max(near, 2 * SHAPE.side), LEVEL.most, len(off) // 2)
 
 
 def _shapes() -> Iterator[_Shape]:
@@ -183,7 +175,7 @@ def _estimate(shape: _Shape, time: Vector, drive: Vector) -> _Estimate | None:
     """Return the level by one shape, over all of its ends; None where it does not turn."""
     middle, half = np.full(shape.ends, _MIDDLE), _HALF
     made = None
-    for _ in range(LEVEL.rounds if shape.ends else 1):
+    for _ in range(SHAPE.closer if shape.ends else 1):
         tried = [np.clip(at + np.linspace(-half, half, SHAPE.positions), 0.0, 1.0) for at in middle]
         ends = np.array(list(product(*tried))) if shape.ends else np.zeros((1, 0))
         curves = shape.curves(time, ends)
@@ -209,5 +201,5 @@ def _estimate(shape: _Shape, time: Vector, drive: Vector) -> _Estimate | None:
         made = _Estimate(evidence, level, float(variance), left, parameters, curves[at] @ coefficients[at])
         if 1.0 / float(share @ share) > LEVEL.counted:
             break
-        middle, half = ends[at], half / LEVEL.closer
+        middle, half = ends[at], 2.0 * half / (SHAPE.positions - 1)
     return made

@@ -34,8 +34,9 @@ class ShapeSettings:
     """Readings of a side at least; derived: its slope and where it ends."""
     positions: int = 17
     """Positions tried at a time for the end of a side; chosen."""
-    closer: int = 3
-    """Times that they are tried, each eight times closer; derived: to a thousandth of the window."""
+    closer: int = 4
+    """Times that they are tried, each time between the neighbours of the best one; derived: to 1/4000 of the
+    readings."""
     unlike: float = 2.0
     """Parameters that a turn with one straight and one round side counts more [1]; chosen: it is rare."""
 
@@ -162,7 +163,7 @@ def _nearest(time: Vector, drive: Vector, powers: tuple[int, ...]) -> Vector:
         i, j, level = best
         one, other = ((each.along - each.whole * level) / each.square for each in (came, left))
         values = level + one[i] * came.curve[i] + other[j] * left.curve[j]
-        first, last, half = float(ends[i]), float(begins[j]), half / 8.0
+        first, last, half = float(ends[i]), float(begins[j]), 2.0 * half / (SHAPE.positions - 1)
     return values
 
 

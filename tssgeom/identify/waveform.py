@@ -5,7 +5,6 @@ Source: docs/discovery.md, "Designed experiments".
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,12 +22,8 @@ class WaveformSettings:
     """Cycles of a run; chosen."""
     speeds: float = 300.0
     """Greatest over least speed that is tried [1]; chosen: beyond two decades laws of rate differ enough."""
-    often: float = 0.4
-    """Share of legs at the greatest speed, and of levels with a dwell [1]; chosen."""
     dwells: tuple[float, float] = (0.02, 0.5)
     """Least and longest dwell, of the longest run [1]; chosen."""
-    extremes: float = 0.5
-    """Share of levels that are the lowest or the highest [1]; chosen: most effects grow with the range."""
     rest: int = 6
     """Samples at rest before the first leg; chosen: positions are zeroed there."""
     least_leg: int = 4
@@ -36,9 +31,8 @@ class WaveformSettings:
     apart: float = 0.08
     """Of the range: least difference of one level to the next [1]; chosen."""
     step: float = 0.15
-    """Of the range: s.d. by which a level is changed [1]; chosen."""
-    ratio: float = 0.7
-    """S.d. of the logarithm by which speeds and dwells are changed [1]; chosen."""
+    """Of the range of levels, and of the logarithms of speeds and dwells: s.d. by which one is changed [1];
+    chosen."""
 
 
 WAVEFORM = WaveformSettings()
@@ -82,19 +76,19 @@ def random_waveform(rng: np.random.Generator) -> Waveform:
     speeds = [_speed(rng) for _ in range(count)]
     if rng.uniform() < 0.5:  # one speed for all legs is what most laws of rate want held against another
         speeds = [speeds[0]] * count
-    dwells = [_dwell(rng) if rng.uniform() < WAVEFORM.often else 0.0 for _ in range(count)]
+    dwells = [_dwell(rng) if rng.uniform() < 0.5 else 0.0 for _ in range(count)]
     cycles = int(rng.integers(1, WAVEFORM.most_cycles + 1))
     return Waveform(tuple(levels), tuple(speeds), tuple(dwells), cycles)
 
 
 def _level(rng: np.random.Generator, k: int) -> float:
-    if rng.uniform() < WAVEFORM.extremes:
+    if rng.uniform() < 0.5:
         return float(k % 2 == 0)
     return float(rng.uniform())
 
 
 def _speed(rng: np.random.Generator) -> float:
-    if rng.uniform() < WAVEFORM.often:
+    if rng.uniform() < 0.5:
         return 1.0
     return float(WAVEFORM.speeds ** -rng.uniform())
 
@@ -111,16 +105,16 @@ def varied_waveform(waveform: Waveform, rng: np.random.Generator) -> Waveform:
     if what == 0:
         levels[k] = float(np.clip(levels[k] + WAVEFORM.step * rng.standard_normal(), 0.0, 1.0))
     elif what == 1:
-        ratio = math.exp(WAVEFORM.ratio * rng.standard_normal())
+        ratio = WAVEFORM.speeds ** (WAVEFORM.step * rng.standard_normal())
         which = range(len(speeds)) if rng.uniform() < 0.5 else (k,)
         for leg in which:
             speeds[leg] = float(np.clip(ratio * speeds[leg], 1.0 / WAVEFORM.speeds, 1.0))
     elif what == 2:
         dwells[k] = 0.0 if dwells[k] else _dwell(rng)
     elif what == 3 and dwells[k]:
-        dwells[k] = float(
-            np.clip(dwells[k] * math.exp(WAVEFORM.ratio * rng.standard_normal()), *WAVEFORM.dwells)
-        )
+        low, high = WAVEFORM.dwells
+        ratio = (high / low) ** (WAVEFORM.step * rng.standard_normal())
+        dwells[k] = float(np.clip(ratio * dwells[k], low, high))
     else:
         cycles = waveform.cycles + int(rng.choice([-1, 1]))
         return replace(waveform, cycles=min(max(cycles, 1), WAVEFORM.most_cycles))

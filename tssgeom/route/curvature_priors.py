@@ -11,7 +11,7 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
-from threadpoolctl import ThreadpoolController
+from threadpoolctl import threadpool_limits
 
 from tssgeom.arrays import Matrix, Points, Vector, rows_at
 from tssgeom.route.bounds import polygon
@@ -92,7 +92,7 @@ def turned_between(points: Points, smooth: RouteFit, noise: float | None) -> tup
     route, arcs = smooth.route, smooth.arcs
     used, unit = route.weight > 0.0, float(route.s[-1])
     noises, price = _noises(route, noise)
-    with _threads().limit(limits=1):  # matrices are small: threads would wait for each other
+    with threadpool_limits(1):  # matrices are small: threads would wait for each other
         curve, linear, turn = _followed(
             points[used] / unit, route.station[used] / unit, _first(route), noises, price
         )
@@ -117,11 +117,6 @@ def _noises(route: Route, noise: float | None) -> tuple[Vector, Vector]:
     every = NOISE_PRIOR.typical * 10.0 ** (NOISE_PRIOR.decades * np.array(GRID.sizes))
     every = np.append(every, max(route.noise / length, float(every[0])))
     return every, -0.5 * np.array([noise_price(float(one)) for one in every])
-
-
-@cache
-def _threads() -> ThreadpoolController:
-    return ThreadpoolController()
 
 
 def _cells() -> Vector:

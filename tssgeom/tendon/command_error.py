@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tssgeom.arrays import Matrix, Vector
 from tssgeom.rig import Rig, with_values
 from tssgeom.route.pieces import Arcs
 from tssgeom.route.resolution import NO_ERRORS, SharedErrors
@@ -197,9 +198,13 @@ def spread(variants: Sequence[Variant]) -> DistalErrors:
         for end in (transmit(each.located, each.rig), transmit(each.pulled, each.rig))
     ]
     values = np.array(ends).reshape(len(variants), 4)
-    weight = np.array([each.weight for each in variants])
+    return DistalErrors(*spread_of(values, np.array([each.weight for each in variants])).tolist())
+
+
+def spread_of(values: Matrix, weight: Vector) -> Vector:
+    """Return how far values [variants, k] are apart, by the weight of each; docs/model.md (212)."""
     apart = values - weight @ values / weight.sum()
-    return DistalErrors(*np.sqrt(weight @ apart**2).tolist())
+    return np.sqrt(weight @ apart**2)
 
 
 def outside(miss: float, error: float, tolerance: float) -> float:

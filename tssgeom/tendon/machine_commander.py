@@ -5,7 +5,6 @@ Sources: docs/model.md (212), (213), (215), (219).
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -16,7 +15,7 @@ from tssgeom.mechanism import per_motor_angle
 from tssgeom.rig import Rig, with_values
 from tssgeom.route.pieces import Arcs
 from tssgeom.route.resolution import NO_ERRORS, SharedErrors
-from tssgeom.tendon.command_error import is_near, outside
+from tssgeom.tendon.command_error import is_near, outside, spread_of
 from tssgeom.tendon.machine_command import MayWait
 from tssgeom.tendon.machine_simulation import as_read, drive_channels
 from tssgeom.tendon.machine_stream import (
@@ -139,9 +138,9 @@ class MachineCommander:
 
 
 def _spread(variants: Sequence[MachineVariant]) -> float:
-    """Return how far the joints of variants are apart [rad], two of each number; docs/model.md (212)."""
-    angles = np.array([each.joint for each in variants])
-    return math.sqrt(0.5 * float(np.sum((angles - angles.mean()) ** 2))) if len(angles) else 0.0
+    """Return how far the joints of variants are apart [rad], two of each number."""
+    angles = np.array([[each.joint] for each in variants])
+    return float(spread_of(angles, np.full(len(angles), 0.5))[0]) if len(angles) else 0.0
 
 
 def machine_commander_of(
