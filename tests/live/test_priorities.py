@@ -33,7 +33,7 @@ def test_a_recorder_gives_way_once_it_is_ready_and_not_at_its_end(tmp_path):
         assert finish_all(selector, [recorder])
 
 
-def test_frames_that_cannot_be_drawn_are_not_drawn_again_and_again(tmp_path):
+def test_a_picture_that_finds_no_memory_is_not_tried_again_and_again(tmp_path):
     file = GrowingFile(tmp_path / "run.rrd")
     drawer = Drawer(LivePicture(file.recording, "run"))
     drawer.take("picture", "no frame")
