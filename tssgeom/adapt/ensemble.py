@@ -43,6 +43,8 @@ class FilterSettings(NamedTuple):
     (201)."""
     least_noise: float = 1e-6
     """Noise of a channel that states none [N, m]. Chosen: below every sensor."""
+    first_span: float = 1e-2
+    """Time that the first step takes [s]; chosen: only effects over time feel it."""
 
 
 SETTINGS = FilterSettings()

@@ -20,7 +20,6 @@ from tssgeom.adapt.machine_step import MachineStep, Standing
 from tssgeom.adapt.readings import FollowedRig, mean_and_sd, noise_variance
 from tssgeom.adapt.trailed_drive import TRAIL, TrailedDrive
 from tssgeom.arrays import Matrix, Vector
-from tssgeom.core.constants_tendon import BAR
 from tssgeom.errors import SettingsError
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
@@ -141,7 +140,7 @@ class MachineFilter(Ensemble):
             Where a member finds no equilibrium; all machines are then as before.
         """
         self._lie_on(arcs)
-        self._drift(BAR.untimed if math.isnan(self.time) else time - self.time)
+        self._drift(SETTINGS.first_span if math.isnan(self.time) else time - self.time)
         values, recent = self._on_clock(self._with_torque(readings.values), time)
         read = [values[name] for name in self.drives]
         exact = readings.commanded or not any(tracker.noise for tracker in self.trackers)
@@ -164,7 +163,7 @@ class MachineFilter(Ensemble):
         self.joint = _after(self.joint, moved)
         self.time, self.recent = time, recent
         if math.isnan(self.kept_time):
-            self.kept_time = time - BAR.untimed
+            self.kept_time = time - SETTINGS.first_span
             self.committed[:] = [tracker.committed for tracker in self.trackers]
         if exact:
             self.kept, self.kept_time = self.now.copied(), time
@@ -232,7 +231,7 @@ class MachineFilter(Ensemble):
         self.kept, self.kept_time = after, time
 
     def _span(self, time: float) -> float:
-        return BAR.untimed if math.isnan(self.kept_time) else max(time - self.kept_time, 0.0)
+        return SETTINGS.first_span if math.isnan(self.kept_time) else max(time - self.kept_time, 0.0)
 
     def _set_drives(self, read: Sequence[float]) -> None:
         for tracker, one in zip(self.trackers, read, strict=True):
@@ -246,7 +245,7 @@ class MachineFilter(Ensemble):
         """
         count = SETTINGS.members // 2
         read = np.tile([values[name] for name in self.drives], (count, 1))
-        span = max(span, BAR.untimed)
+        span = max(span, SETTINGS.first_span)
         moved = self._stepped(self.now.with_rows(count), self.members[:count], read, values, span)[1]
         joint = moved.coordinate[:, 0]
         return float(joint.mean()), float(joint.std(ddof=1))

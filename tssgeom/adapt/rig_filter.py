@@ -26,7 +26,6 @@ from tssgeom.adapt.readings import (
     predicted_readings,
 )
 from tssgeom.arrays import Matrix, Vector
-from tssgeom.core.constants_tendon import BAR
 from tssgeom.errors import FitError
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
@@ -100,7 +99,7 @@ class RigFilter(Ensemble):
         """
         if "displacement_in_m" in self.muted:
             readings = readings._replace(displacement_in=None)
-        span = BAR.untimed if math.isnan(self.time) else time - self.time
+        span = SETTINGS.first_span if math.isnan(self.time) else time - self.time
         self._drift(span)
         count, tracker = len(self.members), self._tracker(readings.by_force)
         numbers = np.vstack((self.members, self.members[:1], self.members[:1]))
@@ -141,7 +140,7 @@ class RigFilter(Ensemble):
         """
         by_force, numbers = displacement_in is None, self.members[: SETTINGS.members // 2]
         drive = np.full(len(numbers), tension_in if by_force else displacement_in)
-        span = max(span, BAR.untimed)
+        span = max(span, SETTINGS.first_span)
         return mean_and_sd(self._stepped(arcs, numbers, drive, by_force, span, 0.0)[1])
 
     def drive_value(self, by_force: bool) -> float:

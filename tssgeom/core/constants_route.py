@@ -33,16 +33,11 @@ class OutlierLimits(NamedTuple):
     """Least share of the variance of a direction that the rest of the fit leaves to it [1]; chosen."""
 
     run_at_end: int = 4
-    """Outliers side by side at an end, beyond which they are the end [1]; chosen."""
-    run_within: int = 8
-    """Outliers side by side between two points that are none, beyond which they are the route [1]; chosen."""
+    """Outliers side by side at an end, beyond which they are the end; twice as many between points that are
+    none are the route [1]; chosen."""
 
-    spline_rounds: int = 8
-    """Most fits of a spline without its outliers [1]; chosen."""
-    chain_rounds: int = 4
-    """The same of a chain [1]; chosen."""
-    chain_rounds_of_tangents: int = 3
-    """The same for the directions beside a chain [1]; chosen."""
+    rounds: int = 8
+    """Most fits without the outliers of the one before [1]; chosen."""
 
 
 OUTLIERS = OutlierLimits()

@@ -62,15 +62,15 @@ GRID = PosteriorGrid()
 class ErrorPosterior(NamedTuple):
     """What errors that neighbours share mean for a fitted route."""
 
-    angle_share: float = 1.0
+    angle_share: float
     """Mean of Φ without them over Φ as fitted [1]."""
-    angle: float = 0.0
+    angle: float
     """Standard deviation of Φ [rad]."""
-    length: float = 0.0
+    length: float
     """Root mean square error of the length as fitted [m]."""
 
 
-NO_POSTERIOR = ErrorPosterior()
+NO_POSTERIOR = ErrorPosterior(angle_share=1.0, angle=0.0, length=0.0)
 
 
 class _Kernel(NamedTuple):

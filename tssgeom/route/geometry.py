@@ -64,8 +64,6 @@ class ChainStart:
     """Moves after which a first chain that is still hopeless is given up. Chosen."""
     uncertain_angle: float = 0.03
     """Relative standard error of Φ above which a smooth fit may hide kinks [1]. Chosen; model.md (33)."""
-    far_off: float = 3.0
-    """Noise of a smooth fit above which it may have lost the points [spacings]. Chosen."""
     shortest: float = 1.5
     """Shortest piece of a first guess beside directions [mean spacings]. Chosen: a shorter one may hold no
     point."""
@@ -196,7 +194,7 @@ def _first_guesses(data: Data, smooth: RouteFit) -> Iterator[tuple[Data, Chain]]
     """First guesses of a chain: the pieces of the smooth fit, and where that is uncertain, corners."""
     yield data, first_chain(data, smooth)
     sure = smooth.arcs.total_angle_se <= START.uncertain_angle * smooth.arcs.total_angle
-    if not sure or smooth.noise > START.far_off * data.spacing:
+    if not sure or smooth.noise > CHOICE.lost_along * data.spacing:
         guess = cornered(data, smooth.route)
         if guess is not None:
             yield guess

@@ -12,6 +12,7 @@ import numpy as np
 
 from tssgeom import core
 from tssgeom.arrays import Vector
+from tssgeom.core.constants import CHANCE
 from tssgeom.core.constants_route import PRIOR, SEARCH
 from tssgeom.errors import FitError
 from tssgeom.route.bounds import Polygon, polygon
@@ -50,21 +51,11 @@ class RatioGrid:
     """Most passes at one λ. Chosen."""
     converged: float = 0.1
     """Change of -2 ln of the posterior of λ in the last pass [1]. Chosen."""
-    negligible: float = 9.0
-    """-2 ln of a posterior, above the least, that counts no more [1]. Derived: a weight of 1 %."""
-    fewest_left: float = 3.0
-    """Fewest values beside the effective parameters [1]. Derived: a Student distribution needs three for a
-    variance."""
     missed: int = 2
     """Neighbouring λ that do not count or give no curve, after which the search ends. Chosen."""
-    most: int = 20
-    """Most λ on either side of the likeliest one. Derived: the range of the search in steps of one decade."""
     much_likelier: float = 4.0
     """Difference in -2 ln of the posterior from which fits on stations by chords are selected [1]. Chosen:
     odds of 7 to 1."""
-    chord_bias: float = 6.0
-    """Relative error of Φ on stations by chords over the square of the noise in mean spacings [1]. Derived:
-    noise makes each chord longer by twice that square, and (26) counts a length three times."""
     most_bias: float = 0.3
     """Such an error over the standard error of Φ up to which chords give the stations [1]. Chosen."""
     outlier_price: float = 13.6
@@ -165,7 +156,7 @@ def _by_chords(shape: Shape, noise: float | None) -> list[_Candidate]:
 
 def _chord_bias(one: _Candidate, spacing: float) -> float:
     """Error of Φ that noise brings by longer chords [rad]."""
-    return GRID.chord_bias * (one.spline.route.noise / spacing) ** 2 * one.angle
+    return 3.0 * 2.0 * (one.spline.route.noise / spacing) ** 2 * one.angle
 
 
 def _representative(shape: Shape, candidates: list[_Candidate], first: list[_Candidate]) -> Spline:
@@ -223,7 +214,7 @@ def _candidates(shape: Shape, noise: float | None, spline: Spline) -> Iterator[_
     states = [first, *_aside(first, -step), *_aside(first, step)]
     least = min(state.criterion for state in states)
     for state in states:
-        if state.criterion <= least + GRID.negligible:
+        if state.criterion <= least + CHANCE.clear**2:
             fitted = spline_of(shape, state.problem, state.solution, spline.memory.spacing)
             arcs = smooth_geometry(fitted)[1]
             angle, variance = arcs.total_angle, arcs.total_angle_se**2
@@ -236,14 +227,14 @@ def _candidates(shape: Shape, noise: float | None, spline: Spline) -> Iterator[_
 def _noise_spread(spline: Spline, noise: float | None) -> float:
     """Return the variance of a Student distribution over a normal one, where the noise is estimated."""
     left = 2.0 * (float(np.count_nonzero(spline.route.weight)) - spline.freedom)
-    left = max(left, GRID.fewest_left)
+    left = max(left, 3.0)  # a Student distribution needs three for a variance
     return left / (left - 2.0) if noise is None else 1.0
 
 
 def _aside(first: _State, step: float) -> Iterator[_State]:
     """Yield states at λ in steps [decades] to one side, until two of them do not count or fail."""
     x, state, least, missed = math.log10(first.solution.ratio), first, first.criterion, 0
-    for count in range(1, GRID.most):
+    for count in range(1, round((SEARCH.most - SEARCH.least) / GRID.narrowest)):
         at = x + step * count
         if missed == GRID.missed or not SEARCH.least <= at <= SEARCH.most:
             break
@@ -251,7 +242,7 @@ def _aside(first: _State, step: float) -> Iterator[_State]:
         with suppress(FitError):
             state = _converged(state.problem, state.solution, 10.0**at)
             yield state
-            missed = missed if state.criterion > least + GRID.negligible else 0
+            missed = missed if state.criterion > least + CHANCE.clear**2 else 0
             least = min(least, state.criterion)
 
 

@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from tssgeom.arrays import Matrix, Points, Vector, read_only, rows_at
 from tssgeom.errors import ShapeError
+from tssgeom.route.error_posterior import GRID
 from tssgeom.route.resolution import LIMITS as RESOLUTION
 from tssgeom.route.resolution import SharedErrors, at_resolution, left_of_waves, sampled_bend
 from tssgeom.route.route_fit import RouteFit
@@ -23,16 +24,10 @@ from tssgeom.route.route_fit import RouteFit
 class RepeatLimits:
     """How repeated lines are compared."""
 
-    draws: int = 100
-    """Draws of the errors, by which what they add to Φ is known to a tenth of its spread. Chosen."""
     smoothing: int = 9
     """Neighbouring waves over which the power of the errors is averaged. Chosen."""
-    finest: float = 0.01
-    """Shortest wave that is tried, over the length [1]. Chosen."""
-    coarsest: float = 0.5
-    """Longest one [1]. Chosen: a route is more than two waves."""
     tried: int = 24
-    """Resolutions between both. Chosen: four to an octave."""
+    """Resolutions, from the shortest errors that are alike to the longest. Chosen: four to an octave."""
     most_difference: float = 0.1
     """Difference of two lengths over their mean above which lines are of different routes [1]. Chosen."""
     least_agreement: float = 0.5
@@ -80,8 +75,8 @@ def common_route(fits: Sequence[RouteFit]) -> Repeated:
     power = _error_power(turn)
     mean = turn.mean(axis=0)
     rng = np.random.default_rng(0)
-    draws = rng.standard_normal((LIMITS.draws, *mean.shape)) * np.sqrt(power / len(fits))[:, None]
-    share = np.geomspace(LIMITS.finest, LIMITS.coarsest, LIMITS.tried)
+    draws = rng.standard_normal((GRID.draws, *mean.shape)) * np.sqrt(power / len(fits))[:, None]
+    share = np.geomspace(GRID.shortest, GRID.longest, LIMITS.tried)
     angle = np.array([_angle(mean, at) for at in share])
     noisy = np.array([[_angle(mean + one, at) for one in draws] for at in share])
     bias, spread = noisy.mean(axis=1) - angle, noisy.std(axis=1)
@@ -117,7 +112,7 @@ def _aligned(turn: Sequence[Matrix], length: Vector) -> tuple[Matrix, list[bool]
     """Turn the bends of all lines to that of the first; returns their waves [k, n, 2], and which run back."""
     first = _waves(turn[0])
     waves, back = [first], [False]
-    coarse = left_of_waves(len(first), LIMITS.coarsest)[:, None] ** 2
+    coarse = left_of_waves(len(first), GRID.longest)[:, None] ** 2
     for i, one in enumerate(turn[1:], start=1):
         if abs(length[i] - length[0]) > LIMITS.most_difference * float(length.mean()):
             raise ShapeError(

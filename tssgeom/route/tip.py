@@ -29,8 +29,12 @@ class TipPrior:
     [rad]. Chosen: catheters and segments of tendon robots turn by a quarter to a half circle."""
     cells: int = 24
     """Even cells. Chosen: a cell turns by 0.2 rad."""
-    pieces: int = 8
-    """Pieces of constant curvature that are reported. Chosen: two for each wave."""
+
+    @property
+    def pieces(self) -> int:
+        """Pieces of constant curvature that are reported: two for each wave."""
+        return 2 * self.waves
+
     draws: int = 400
     """Draws from the posterior. Chosen: a standard error is then known to 4 %."""
 

@@ -21,9 +21,7 @@ class CornerSearch(NamedTuple):
     """Distance of a point from the line between two corners that makes it one [standard deviations];
     chosen."""
     fewest: int = 3
-    """Fewest spacings of a straight piece [1]; chosen."""
-    same: int = 3
-    """Points within which two corners are one [1]; chosen."""
+    """Fewest spacings of a straight piece: nearer corners are one [1]; chosen."""
 
 
 CORNERS = CornerSearch()
@@ -99,7 +97,7 @@ def _corners(points: Points, off: float) -> list[int]:
 
 def _merged(at: np.ndarray) -> np.ndarray:
     """Return indices of corners, neighbouring ones merged; both ends stay."""
-    cut = np.flatnonzero(np.diff(at[1:-1]) > CORNERS.same) + 1
+    cut = np.flatnonzero(np.diff(at[1:-1]) > CORNERS.fewest) + 1
     inner = [round(float(np.mean(group))) for group in np.split(at[1:-1], cut) if len(group)]
     return np.array([at[0], *inner, at[-1]])
 

@@ -43,7 +43,7 @@ def outlier_weights(data: Data, chain: Chain, variance: float = 0.0) -> Vector |
 
 def without_outliers(data: Data, chain: Chain) -> tuple[Data, Chain]:
     """Weight the points by the chain and fit it again, until no weight changes."""
-    for _ in range(OUTLIERS.chain_rounds):
+    for _ in range(OUTLIERS.rounds):
         weight = outlier_weights(data, chain)
         if weight is None:
             break
@@ -101,7 +101,7 @@ def refitted_with_tangents(data: Data, chain: Chain) -> tuple[Data, Chain]:
     """Fit again without outlying directions, and with weights that follow the noise of the points."""
     if data.tangents is None:
         return data, chain
-    for _ in range(OUTLIERS.chain_rounds_of_tangents):
+    for _ in range(OUTLIERS.rounds):
         changed = _weighted_by_noise(without_outlying_tangents(data, chain), chain)
         if changed is data:
             break

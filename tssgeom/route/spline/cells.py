@@ -10,6 +10,7 @@ import numpy as np
 
 from tssgeom import core
 from tssgeom.arrays import Points, read_only, rows_at
+from tssgeom.core.constants import CHANCE
 from tssgeom.route.observations import Shape
 from tssgeom.route.route import Route
 from tssgeom.route.spline.problem import Problem, Solution
@@ -31,12 +32,9 @@ class SharedErrors(NamedTuple):
     """The same for points merged into cells [standard deviations]; chosen."""
     lags: tuple[int, ...] = (1, 2, 3)
     """Lags at which it is taken [points]; chosen."""
-    clipped: float = 3.0
-    """Innovation beyond which it is clipped, so that no outlier decides [standard deviations]; chosen."""
-    first_cell: float = 2.83
-    """Size of the first cells [mean spacings]; chosen: 2√2, docs/model.md (28)."""
     growth: float = 2.0**0.5
-    """Factor from one size of cells to the next [1]; chosen."""
+    """Factor from one size of cells to the next [1]; chosen. The first are three such steps above the
+    spacing, 2√2, docs/model.md (28)."""
     fewest_cells: int = 12
     """Fewest cells that are fitted [1]; chosen."""
 
@@ -66,7 +64,7 @@ def correlation_of_innovations(problem: Problem, solution: Solution) -> float:
     e = e[np.any(e != 0.0, axis=1)]
     if len(e) <= SHARED.lags[-1]:
         return 0.0
-    e = np.clip(e / np.sqrt(np.mean(e * e)), -SHARED.clipped, SHARED.clipped)
+    e = np.clip(e / np.sqrt(np.mean(e * e)), -CHANCE.clear, CHANCE.clear)  # so that no outlier decides
     power = np.sum(e * e)
     return float(min(np.sum(e[lag:] * e[:-lag]) for lag in SHARED.lags) / power * np.sqrt(2.0 * len(e)))
 

@@ -163,7 +163,7 @@ def _fit_cells(shape: Shape, spline: Spline) -> Spline:
     The angle still depends on the size of the cells: half of what changes between cells of half and of double
     the area is taken as its standard error.
     """
-    cell = SHARED.first_cell * float(spline.route.s[-1]) / len(shape.points)
+    cell = SHARED.growth**3 * float(spline.route.s[-1]) / len(shape.points)
     while True:
         coarse, cell_of = merged(shape, cell)
         if len(coarse.points) < SHARED.fewest_cells:

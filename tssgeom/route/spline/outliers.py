@@ -16,7 +16,7 @@ def leaves_out_a_stretch(weight: Vector) -> bool:
     if len(used) < 2:
         return True
     at_end, within = max(used[0], len(weight) - 1 - used[-1]), int(np.diff(used).max()) - 1
-    most_within = max(OUTLIERS.run_within, OUTLIERS.share * len(weight))
+    most_within = max(2 * OUTLIERS.run_at_end, OUTLIERS.share * len(weight))
     return bool(at_end > OUTLIERS.run_at_end or within > most_within)
 
 

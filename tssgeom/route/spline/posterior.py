@@ -163,7 +163,7 @@ def _vague(y: Points, variance: float) -> tuple[Matrix, Vector, float]:
 def _without_outliers(problem: Problem, solution: Solution) -> tuple[Problem, Solution]:
     """Fit again without directions and points that their neighbours' curve does not explain."""
     problem, solution = _without_outlying_tangents(problem, solution)
-    for _ in range(OUTLIERS.spline_rounds):
+    for _ in range(OUTLIERS.rounds):
         count, outlier = _outlying_points(problem, solution)
         if not count:
             break
@@ -188,7 +188,7 @@ def _outlying_points(problem: Problem, solution: Solution) -> tuple[int, np.ndar
 def _without_outlying_tangents(problem: Problem, solution: Solution) -> tuple[Problem, Solution]:
     """Fit again without directions that the curve through all else does not explain, one at a time."""
     sensed = problem.tangents
-    for _ in range(OUTLIERS.spline_rounds):
+    for _ in range(OUTLIERS.rounds):
         worst = _outlying_tangent(problem, solution)
         if worst < 0 or not may_drop_tangent(problem.tangents, sensed):
             break

@@ -14,7 +14,7 @@ import numpy as np
 
 from tssgeom import core
 from tssgeom.arrays import Matrix, Points, Vector
-from tssgeom.core.constants_route import PRIOR, SEARCH
+from tssgeom.core.constants_route import PASSES, PRIOR, SEARCH
 from tssgeom.route.directions import tangent_variances
 
 
@@ -122,8 +122,6 @@ class NoiseSearch(NamedTuple):
     """First trials of the noise variance [ln spacing²]; chosen."""
     step: float = 1.0
     """Distance of the next trials of it [ln]; chosen."""
-    converged: float = 0.05
-    """Distance at which the search ends [ln]; chosen: 2.5 % of the standard deviation."""
     shrink: float = 0.4
     """Factor on the distance where neither trial is better [1]; chosen."""
 
@@ -167,7 +165,7 @@ def _best_noise(problem: Problem, guess: float) -> tuple[float, float, float, fl
     if guess <= 0.0:
         x = min((x, *NOISE.first), key=lambda trial: at(trial, 0.0)[0])
     least, best = at(x, guess)
-    while width > NOISE.converged:
+    while width > PASSES.same_ratio:
         trials = [(*at(x + way * width, best[0]), x + way * width) for way in (-1.0, 1.0)]
         value, trial, there = min(trials, key=lambda trial: trial[0])
         if value < least and there > math.log(PRIOR.rounding**2):
