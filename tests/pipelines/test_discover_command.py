@@ -3,6 +3,7 @@
 import json
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,9 @@ import pyarrow.parquet as papq
 import pytest
 
 from pipelines.cli import main
+from pipelines.discover import _notes
 from tests.pipelines.conftest import Run
+from tests.worked_finding import worked_finding
 from tssgeom.effects import HiddenBend
 from tssgeom.rig import read_rig
 
@@ -173,3 +176,12 @@ def test_no_campaign_is_refused_with_what_one_is(run: Run, tmp_path: Path) -> No
     done = run("discover", tmp_path, "--out", tmp_path / "out")
     assert done.status == 2
     assert "campaign.toml" in done.errors[0]
+
+
+def test_a_number_that_the_rig_file_does_not_state_is_printed_as_unknown():
+    whole = worked_finding()
+    name = "friction"
+    stated, unknown = (replace(whole, nominal=nominal) for nominal in (whole.nominal, {}))
+    of_both = [next(note for note in _notes(each) if note.startswith(name)) for each in (stated, unknown)]
+    assert f"{whole.nominal[name]:.4g} in the rig file" in of_both[0]
+    assert of_both[1].startswith("friction: unknown in the rig file, ")
