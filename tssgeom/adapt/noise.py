@@ -14,8 +14,6 @@ from tssgeom.rig import Rig, Sensor
 class AssumedNoise(NamedTuple):
     """Noise of a channel by its unit. Chosen: as of coarse load cells and encoders of a laboratory."""
 
-    N: float
-    """Of a tension [N]."""
     m: float = 2e-5
     """Of a position or an elongation [m]."""
     rad: float = 1e-3
@@ -25,8 +23,13 @@ class AssumedNoise(NamedTuple):
     A: float = 0.01
     """Of a current [A]."""
 
+    @property
+    def N(self) -> float:  # noqa: N802 - the unit
+        """Of a tension [N]."""
+        return LIMITS.weakest_N
 
-_ASSUMED = AssumedNoise(N=LIMITS.weakest_N)
+
+_ASSUMED = AssumedNoise()
 
 
 def assumed_noise(channel: str) -> float:

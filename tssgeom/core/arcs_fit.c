@@ -206,7 +206,7 @@ int64_t chain_fits(const Data *data, const Chain *chain, double last) {
     double highest = 1.0 + CHANCE.never * sqrt(2.0 / freedom);
     if (data->variance > 0.0) return chain->cost < highest * data->variance * freedom;
     double usual = most(last, squared(ROUNDING.relative * data->spacing)) * freedom;
-    return chain->cost < most(CHAIN_TRACKING.noisier, 1.5 * highest) * usual;
+    return chain->cost < most(PASSES.warm_noise, 1.5 * highest) * usual;
 }
 
 /* Weights by the distance across a chain, and whether they differ from those of `data`; see

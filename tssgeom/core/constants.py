@@ -40,11 +40,13 @@ CHANCE = Chance()
 class Rounding(NamedTuple):
     """What is no more than the arithmetic of float64, over the size of the numbers."""
 
+    single: float
+    """Of a few operations [1]: eight errors of 2⁻⁵²."""
     relative: float
     """Of results of many operations [1]: 2¹¹ times `exact`, for sums that are solved for."""
     exact: float
-    """Of results of a few operations, and of a pivot that the others determine [1]: a sum of 2¹¹ terms, each
+    """Of results of some operations, and of a pivot that the others determine [1]: a sum of 2¹¹ terms, each
     with an error of 2⁻⁵²."""
 
 
-ROUNDING = Rounding(relative=2.0 ** (22 - 52), exact=2.0 ** (11 - 52))
+ROUNDING = Rounding(single=2.0 ** (3 - 52), relative=2.0 ** (22 - 52), exact=2.0 ** (11 - 52))

@@ -76,16 +76,6 @@ class ChainMoves(NamedTuple):
 CHAIN_MOVES = ChainMoves()
 
 
-class TrackingLimits(NamedTuple):
-    """Whether a chain of the last frame still fits the points of this one."""
-
-    noisier: float = 2.0
-    """Unknown noise variance over that of the last frame, above which a chain is unfit [1]. Chosen."""
-
-
-CHAIN_TRACKING = TrackingLimits()
-
-
 class IdentifiableBend(NamedTuple):
     """Which pieces have a bend that their points determine."""
 

@@ -8,8 +8,6 @@ class WallTolerance(NamedTuple):
 
     same_point: float = 1e-7
     """Relative to the distance and to the side of a triangle. chosen: above the rounding of a foot."""
-    shared_corner: float = 1e-6
-    """Of the side of a triangle: corners of neighbours. chosen: ten times `same_point`."""
     smallest_distance: float = 1e-6
     """[m] Added to the distance, so that a point on the wall has a tolerance. chosen: 1 µm."""
 

@@ -139,12 +139,11 @@ class SplinePrior(NamedTuple):
     """Greatest turn from point to point that the prior follows [rad]; chosen."""
     change: float = 0.5
     """Greatest relative change of curvature, or turn of its plane [rad], from point to point; chosen."""
-    noise_share: float = 0.375
-    """Noise in the posterior variance of the curvature [1]; derived: 3/8, docs/model.md (24)."""
     least_bend: float = 1e-18
     """Least variance of a and b of (20) at both ends [spacing^-2, spacing^-4]; chosen: rounding."""
     rounding: float = 1e-6
-    """Least noise [spacing]; chosen: less is rounding, not truth, to a filter of four states."""
+    """Least noise, and least distance of neighbouring stations whose feet coincide [spacing]; chosen: less is
+    rounding, not truth, to a filter of four states."""
     vague: float = 1e4
     """Variance of position and direction at the first station over that of the last pass or guess [1];
     chosen."""
@@ -152,8 +151,6 @@ class SplinePrior(NamedTuple):
     """Variance of a and b at both ends over that of the first guess [1]; chosen."""
     guess_points: int = 9
     """Points between whose chords the first guess of the curvature is taken [1]; chosen."""
-    least_step: float = 1e-7
-    """Least distance of neighbouring stations whose feet coincide [spacing]; chosen: rounding."""
     least_weight: float = 1e-6
     """Weight of an outlier where stations are put in order [1]; chosen: small, but not 0."""
 
@@ -198,7 +195,8 @@ class SplinePasses(NamedTuple):
     warm_ratio: float = 3.0
     """Change of ln λ in such a search above which another one is needed [1]; chosen."""
     warm_noise: float = 2.0
-    """Factor on the noise variance of the last fit beyond which a fit begins from nothing [1]; chosen."""
+    """Factor on the noise variance of the last fit, beyond which a fit begins from nothing, and above which a
+    chain is unfit [1]; chosen."""
 
 
 PASSES = SplinePasses()

@@ -1,22 +1,23 @@
 """Tuned numbers of the tendon: once for C, once for Python."""
 
+import math
 from typing import NamedTuple
 
 
 class ProfileLimits(NamedTuple):
     """A tension profile as a list of corners."""
 
-    slack: float = -2000.0
-    """Stands for ln 0, so that every corner is finite: exp(−2000) is zero in float64 [1]; derived."""
-    slides: float = 1e-6
-    """Of ln T on the slope of sliding [1]; derived: bars are solved to 1e-10, corners are within 1e-9."""
-    series_below: float = 1e-2
-    """Fall of ln T over a run below which its moment is better from the series [1]; chosen."""
-    most_log_tension: float = 700.0
-    """Beyond it float64 ends: 1e304 N stands for out of reach [1]; derived."""
+    slack: float
+    """Stands for ln 0, so that every corner is finite [1]: far below the logarithm of the least float64."""
+    slides: float
+    """Of ln T on the slope of sliding [1]: the rounding of a corner, with room for that of bars."""
+    most_log_tension: float
+    """Stands for out of reach [1]: near the logarithm of the greatest float64."""
 
 
-PROFILE = ProfileLimits()
+PROFILE = ProfileLimits(
+    slack=3.0 * math.log(2.0**-1074), slides=2.0 ** (32 - 52), most_log_tension=math.log(2.0**1010)
+)
 
 
 class SolverTolerances(NamedTuple):
@@ -35,8 +36,6 @@ class SolverTolerances(NamedTuple):
     """Passes that go all the way, the others half of it [1]; chosen."""
     motion: float = 1e-3
     """Weight of movement against force [1]; chosen: so small that contacts stop before they turn round."""
-    rounding: float = 2e-15
-    """Residual that the solve itself leaves, of stiffness times movement [1]; derived: ten roundings."""
     markings: int = 10
     """Times that slack bars are marked anew before the movements are relaxed [1]; chosen."""
     rounds: int = 7
@@ -65,6 +64,8 @@ SWEEP = SweepTolerances()
 class BarLimits(NamedTuple):
     """Small numbers in the laws of bars and contacts, and in the march through a run."""
 
+    series_below: float = 1e-2
+    """Fall of ln T over a run below which its moment is better from the series [1]; chosen."""
     least_load: float = 1e-3
     """Below this tension load-dependent friction depends on the load no more [N]; chosen."""
     turn: float = 2e-7

@@ -101,7 +101,7 @@ static int is_on_rim(const double p[3], const Tree *tree, int64_t count, const i
     for (int64_t i = 0; i < count; i++)
         for (int c = 0; c < 3; c++) {
             const double *a = tree->corners[around[i]][c], *b = tree->corners[around[i]][(c + 1) % 3];
-            double near = WALL.shared_corner * distance3(a, b) + 1e-15;
+            double near = 10.0 * WALL.same_point * distance3(a, b) + 1e-15;
             if (sqrt(nearest_on_side(p, a, b, at)) > near) continue;
             int shared = 0;
             for (int64_t j = 0; j < count && !shared; j++) {

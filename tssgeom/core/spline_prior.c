@@ -70,7 +70,7 @@ void tss_prior_along_curve(
             growth += across * change;
         }
         double p22 = covariance[i][7], p23 = covariance[i][8], p33 = covariance[i][9];
-        double kappa_square = within(square - 2.0 * PRIOR.noise_share * q * p22, 0.0, squared(PRIOR.sharpest));
+        double kappa_square = within(square - 0.75 * q * p22, 0.0, squared(PRIOR.sharpest));
         coupling[i][0] = kappa_square;
         coupling[i][1] = within(growth / most(square, 1e-300), -PRIOR.change, PRIOR.change) * kappa_square;
         double whole_bend = square + 2.0 * q * p22, whole_rate = rate + 2.0 * q * p33;
@@ -109,5 +109,5 @@ void tss_prior_along_curve(
     /* docs/model.md (22) */
     tss_isotonic_regression(n, feet, firm, next_u, (double (*)[n])(work + 2));
     double first = next_u[0];
-    for (int64_t i = 0; i < n; i++) next_u[i] += PRIOR.least_step * (double)i - first;
+    for (int64_t i = 0; i < n; i++) next_u[i] += PRIOR.rounding * (double)i - first;
 }

@@ -87,7 +87,7 @@ double tss_answering(
             double rise, factor = load_factor(&laws, 0.5 * (near + here), &rise), last = near;
             double wanted = far * exp(sign * (exponent * factor + laws.fitting[i]));
             near -= (near - wanted) / (1.0 - wanted * sign * exponent * 0.5 * rise);
-            if (fabs(near - last) <= SOLVER.rounding * near) break;
+            if (fabs(near - last) <= ROUNDING.single * near) break;
         }
         here = near;
     }

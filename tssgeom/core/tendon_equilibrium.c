@@ -105,7 +105,7 @@ static double judge(const bar_chain *c, int renew) {
             if (renew) c->tight[0] = taut <= left;
             left = least(taut, left);
         }
-        double rounding = SOLVER.rounding * (c->stiffness[i] + c->stiffness[i + 1]) * fabs(c->w[i]);
+        double rounding = ROUNDING.single * (c->stiffness[i] + c->stiffness[i + 1]) * fabs(c->w[i]);
         worst = most(fabs(left) - rounding, worst);
         if (renew) c->slip[i] = over.low < over.motion ? PULLED : over.high > over.motion ? RELEASED : STUCK;
     }

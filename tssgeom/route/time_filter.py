@@ -24,12 +24,11 @@ from tssgeom.route.observations import MIN_POINTS
 class FilterLimits:
     """When a filter begins anew, and which points it leaves out."""
 
-    longest_pause: float = 10.0
-    """Time between two frames, in usual steps, after which the filter begins anew [1]. Chosen."""
     shortest_step: float = 0.01
     """The same below which the first interval was no usual one, and the filter begins anew [1]. Chosen."""
     least_step: float = 0.1
-    """Time that passes at least between two frames [usual steps]. Chosen: frames may come in bursts."""
+    """Time that passes at least between two frames, and one over that after which the filter begins anew
+    [usual steps]. Chosen: frames may come in bursts."""
     first_values: float = 4.0
     """Values for which the noise of the first fit counts [1]. Chosen: the fit may be far off."""
     least_noise: float = 1e-9
@@ -134,7 +133,7 @@ def filtered(before: PointFilter, points: Points, noise: float, time: float) -> 
     passed = time - before.time
     interval = before.interval or (passed if passed > 0.0 else 1.0)
     step = passed / interval if passed > 0.0 else 1.0
-    if not FILTER.shortest_step <= step <= FILTER.longest_pause:
+    if not FILTER.shortest_step <= step <= 1.0 / FILTER.least_step:
         return None
     step = max(step, FILTER.least_step)
     last = before.memory[2 * _MOTIONS]

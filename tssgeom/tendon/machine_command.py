@@ -11,6 +11,7 @@ import numpy as np
 
 from tssgeom.arrays import Vector
 from tssgeom.core.constants import ROUNDING
+from tssgeom.core.constants_tendon import SOLVER
 from tssgeom.core.constants_tendon_rows import HELD
 from tssgeom.errors import SettingsError
 from tssgeom.mechanism import NO_LIMITS, per_motor_angle
@@ -38,8 +39,6 @@ class CommandSettings:
     """First step of the search [rad]; chosen."""
     farthest: float = 100.0
     """Angle from which the target is out of reach [rad]; chosen: sixteen turns of a motor."""
-    most_trials: int = 100
-    """Trials of one sample; derived: doublings and halvings to rounding."""
     dead: float = 0.01
     """Share of its motion without friction and stretch below which a joint does not follow its motor [1];
     chosen: as for one tendon, (215)."""
@@ -304,7 +303,7 @@ class _Sample:
             return *best, True
         way, low, step = (-1.0 if off > 0.0 else 1.0), near, COMMAND.first
         high = near
-        for _ in range(COMMAND.most_trials):
+        for _ in range(SOLVER.trials):
             high = low + way * step
             there, trace, state = self.at(high)
             if trace is None or abs(high) > COMMAND.farthest:
@@ -316,7 +315,7 @@ class _Sample:
                 break
             low, step = high, 2.0 * step
         there = math.inf
-        for _ in range(COMMAND.most_trials):
+        for _ in range(SOLVER.trials):
             middle = 0.5 * (low + high)
             there, trace, state = self.at(middle)
             if trace is None or middle in (low, high):

@@ -124,7 +124,7 @@ def _is_on_rim(corners: np.ndarray, triangles: np.ndarray, point: np.ndarray) ->
     for k in triangles:
         for c in range(3):
             a, b = corners[k, c], corners[k, (c + 1) % 3]
-            near = WALL.shared_corner * math.sqrt(np.sum((b - a) ** 2)) + 1e-15
+            near = 10.0 * WALL.same_point * math.sqrt(np.sum((b - a) ** 2)) + 1e-15
             if _distance_to_side(point, a, b) > near:
                 continue
             shared = 0

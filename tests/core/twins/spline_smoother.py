@@ -273,7 +273,7 @@ def prior_along_curve(
             rate += b * b
             growth += a * b
         p22, p23, p33 = covariance[i, 7], covariance[i, 8], covariance[i, 9]
-        kappa_square = min(max(square - 2.0 * PRIOR.noise_share * q * p22, 0.0), PRIOR.sharpest**2)
+        kappa_square = min(max(square - 0.75 * q * p22, 0.0), PRIOR.sharpest**2)
         coupling[i, 0] = kappa_square
         coupling[i, 1] = min(max(growth / max(square, 1e-300), -PRIOR.change), PRIOR.change) * kappa_square
         whole_bend, whole_rate = square + 2.0 * q * p22, rate + 2.0 * q * p33
@@ -312,5 +312,5 @@ def prior_along_curve(
     feet = isotonic_regression(feet, np.maximum(weight, PRIOR.least_weight))
     first = feet[0]
     for i in range(n):
-        feet[i] += PRIOR.least_step * i - first
+        feet[i] += PRIOR.rounding * i - first
     return feet, coupling, ends, tangent

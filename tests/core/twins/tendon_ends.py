@@ -26,7 +26,7 @@ def answering(plant, travel, tension_out, pull):
             factor = load_factor(0.5 * (near + here), plant.load_exponent, plant.load_reference)
             new = far * math.exp(sign * (exponent * factor + plant.fitting[i]))
             near, change = new, abs(new - near)
-            if change <= SOLVER.rounding * near:
+            if change <= ROUNDING.single * near:
                 break
         here = near
     return here

@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tssgeom.core.constants import ROUNDING
 from tssgeom.core.constants_tendon import SOLVER
 
 PULLED, STUCK, RELEASED = 1, 0, -1
@@ -174,7 +175,7 @@ def _judge(chain, w, tension, slip, tight, renew):
             taut = stiffness[1] * (w[0] - chain.shift)
             tight[0] = taut <= left if renew else tight[0]
             left = min(left, taut)
-        worst = max(worst, abs(left) - SOLVER.rounding * (stiffness[i] + stiffness[i + 1]) * abs(w[i]))
+        worst = max(worst, abs(left) - ROUNDING.single * (stiffness[i] + stiffness[i + 1]) * abs(w[i]))
         if renew:
             slip[i] = PULLED if over_low < motion else RELEASED if over_high > motion else STUCK
     if renew:

@@ -25,8 +25,6 @@ _LOST = 40  # SO_RXQ_OVFL of Linux: counts the datagrams without room
 class DatagramLimits:
     """Limits of a socket that receives datagrams."""
 
-    largest_bytes: int = 1 << 16
-    """Bytes of a datagram; cited: UDP allows 65 507."""
     buffer_bytes: int = 1 << 22
     """Size of the system's buffer for datagrams [bytes]; chosen: 64 of the largest, which are read before
     other work. One sender has a quarter: as many as its mailbox keeps."""
@@ -35,6 +33,7 @@ class DatagramLimits:
 
 
 DATAGRAMS = DatagramLimits()
+_LARGEST = 1 << 16  # bytes of a datagram: its length is a field of 16 bits (RFC 768)
 
 
 @dataclass(slots=True, eq=False)
@@ -103,9 +102,9 @@ class UdpSource(Source):
 
     def _ready(self, of: _Socket, events: int) -> None:
         begun, sender = perf_counter_ns(), None
-        for _ in range(DATAGRAMS.buffer_bytes // DATAGRAMS.largest_bytes):
+        for _ in range(DATAGRAMS.buffer_bytes // _LARGEST):
             try:
-                data, about, _, address = of.sock.recvmsg(DATAGRAMS.largest_bytes, 64 if self._linux else 0)
+                data, about, _, address = of.sock.recvmsg(_LARGEST, 64 if self._linux else 0)
             except OSError:  # nothing waits, or the socket was closed for a newer sender
                 break
             self._count_lost(of, about)
