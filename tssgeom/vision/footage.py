@@ -11,6 +11,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from tssgeom.address_space import VIDEO, require_address_space
 from tssgeom.errors import SettingsError, SourceError, require_file
 
 IMAGES = {".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp", ".pgm", ".ppm"}
@@ -38,6 +39,7 @@ class Source:
             for path in self.images:
                 yield cv2.imread(str(path), cv2.IMREAD_COLOR)
             return
+        require_address_space(VIDEO, "a video")
         capture = cv2.VideoCapture(str(self.video) if self.index is None else self.index)
         try:
             while True:
@@ -150,6 +152,7 @@ def _camera(index: int) -> Source:
 
 
 def _video(path: Path) -> Source:
+    require_address_space(VIDEO, "a video")
     capture = cv2.VideoCapture(str(path))
     try:
         if not capture.isOpened() or not capture.grab():

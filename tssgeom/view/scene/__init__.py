@@ -1,5 +1,5 @@
 """Recordings for the Rerun viewer."""
 
-from tssgeom.view.scene.address_space import FIRST, require_address_space
+from tssgeom.address_space import FIRST, require_address_space
 
-require_address_space(FIRST)
+require_address_space(FIRST, "a recording", ", or write no recordings")

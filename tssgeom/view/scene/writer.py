@@ -15,9 +15,9 @@ import rerun as rr
 import rerun.blueprint as rrb
 from rerun_bindings import flush_and_cleanup_orphaned_recordings
 
+from tssgeom.address_space import EACH, require_address_space
 from tssgeom.atomic import replacing
 from tssgeom.errors import SourceError, require_replaceable
-from tssgeom.view.scene.address_space import EACH, require_address_space
 from tssgeom.view.scene.viewer import binary
 
 _START = b"RRF2\x00)\x00\x00\x01\x02\x00\x00"  # of every file: format, version, messages in protobuf
@@ -52,7 +52,7 @@ def recording_file(
     SourceError
         Where the file cannot be written; SpaceError where the disk is full.
     """
-    require_address_space(EACH)
+    require_address_space(EACH, "a recording", ", or write no recordings")
     flush_and_cleanup_orphaned_recordings()  # of earlier ones; Rerun keeps their threads and their memory
     with (
         replacing(path) as draft,

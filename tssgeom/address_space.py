@@ -1,4 +1,4 @@
-"""Address space for Rerun, which ends the process where the system refuses it some."""
+"""Address space for Rerun and FFmpeg, which may end the process where the system refuses them some."""
 
 import sys
 from pathlib import Path
@@ -9,20 +9,26 @@ FIRST = 1 << 30
 """Address space that Rerun and the first recording take [B]; measured: 0.7 GiB, and more for long ones."""
 EACH = 1 << 28
 """Address space that any other recording takes [B]; measured: 0.1 GiB, most of it stacks of threads."""
+VIDEO = 1 << 28
+"""Address space that a video takes while it is read [B]; measured: 0.16 GiB, most of it stacks of threads."""
 
 
-def require_address_space(needed: int) -> None:
-    """Refuse to begin a recording where the system limits the address space.
+def require_address_space(needed: int, what: str, instead: str = "") -> None:
+    """Refuse to begin with a recording or a video where the system limits the address space.
 
     Parameters
     ----------
     needed
         What it takes [B].
+    what
+        What takes it, for the message.
+    instead
+        What may be done instead, for the message.
 
     Raises
     ------
     SettingsError
-        Where less is left than a recording takes.
+        Where less is left.
     """
     if sys.platform != "linux":
         return
@@ -34,6 +40,6 @@ def require_address_space(needed: int) -> None:
     held = int(Path("/proc/self/statm").read_text("ascii").split()[0]) * resource.getpagesize()
     if limit - held < needed:
         raise SettingsError(
-            f"a limit leaves {max(limit - held, 0) >> 20} MiB of address space, a recording takes "
-            f"{needed >> 20} MiB: raise it (ulimit -v), or write no recordings"
+            f"a limit leaves {max(limit - held, 0) >> 20} MiB of address space, {what} takes "
+            f"{needed >> 20} MiB: raise it (ulimit -v){instead}"
         )
