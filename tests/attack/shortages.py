@@ -24,7 +24,7 @@ from tests.attack.signals import half_written
 _PROGRAM = "from pipelines.cli import main; main()"
 _SPACE = (0.75, 2.0)
 """Least and greatest address space [GiB]; chosen: Python alone fits, and every command fits."""
-_SLOW = 120.0  # s
+_SLOW = 120.0  # s, on cores that no other program uses
 
 
 def ended(command: Command, limit: int | None = None) -> subprocess.CompletedProcess[bytes] | None:
@@ -36,8 +36,9 @@ def ended(command: Command, limit: int | None = None) -> subprocess.CompletedPro
             resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
 
     program = [sys.executable, "-c", _PROGRAM, *map(str, command)]
+    slow = _SLOW * max(os.getloadavg()[0] / (os.cpu_count() or 1), 1.0)
     try:
-        return subprocess.run(program, check=False, capture_output=True, timeout=_SLOW, preexec_fn=limited)
+        return subprocess.run(program, check=False, capture_output=True, timeout=slow, preexec_fn=limited)
     except subprocess.TimeoutExpired:
         return None
 
