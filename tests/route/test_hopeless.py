@@ -6,9 +6,13 @@ from time import process_time
 import numpy as np
 import pytest
 
+from tssgeom.core.constants_arcs import CHAIN_MOVES
 from tssgeom.errors import FitError
-from tssgeom.route.geometry import measure
+from tssgeom.route.arcs import moves
+from tssgeom.route.arcs.chain import fit_fixed_pieces
+from tssgeom.route.geometry import chain_data, first_chain, measure, spline_fit
 from tssgeom.route.observations import clean
+from tssgeom.route.spline.fit import fit
 
 SECONDS = 20.0
 """Of one core. Chosen: the slowest takes 4; with as many pieces as corners it took ten minutes and more."""
@@ -32,3 +36,18 @@ def test_jagged_points_take_seconds(made, noise):
     with suppress(FitError):  # a refusal is as good
         measure(clean(points, chords), noise)
     assert process_time() - begin < SECONDS
+
+
+@pytest.mark.parametrize("count", [400, 800])
+def test_the_work_on_a_chain_has_a_bound_that_is_linear_in_the_points(monkeypatch, count):
+    most = 300
+    monkeypatch.setattr(moves, "CHAIN_MOVES", CHAIN_MOVES._replace(most_work=most))
+    k = np.arange(count)
+    up = np.cumsum((k // 10) % 2 == 0)
+    aside = np.cumsum(((k // 10) % 2) * (1 - 2 * ((k // 20) % 2)))
+    shape = clean(1e-3 * np.column_stack((up, aside, 0 * k)).astype(float))
+    spline = fit(shape, 1e-4)
+    data = chain_data(shape, 1e-4, spline)
+    first = fit_fixed_pieces(data, first_chain(data, spline_fit(spline)))
+    work = list(moves.fit_chain_in_steps(data, first, 120))
+    assert sum(work[:-1]) <= most * count < sum(work)

@@ -65,6 +65,9 @@ class ChainMoves(NamedTuple):
     """Most pieces of a chain [1]; chosen."""
     trials: int = 12
     """Simpler chains that are tried [1]; chosen."""
+    most_work: int = 30_000
+    """Parameters of all that are tried, beyond which the best so far stays [1]; chosen: twice those of square
+    waves and helices of 200 turns, a hundred times those of a bent tube."""
     dropped_below: float = 8.0
     """Length of a piece below which it may be dropped whole [mean spacings]; chosen."""
     joint_parameters: float = 3.0

@@ -44,13 +44,14 @@ def fit_chain(data: Data, first: Chain, most: int = 3 * CHAIN_MOVES.most_pieces)
 
 
 def fit_chain_in_steps(data: Data, first: Chain, most: int) -> Generator[int, None, Chain]:
-    """Do as `fit_chain`, with a stop after each candidate."""
-    best = first
+    """Do as `fit_chain`, with a stop after each candidate; work that grows with the points bounds it."""
+    best, left = first, CHAIN_MOVES.most_work * len(data.points)
     for _ in range(most):
         better = None
         for better in one_after_the_other(simpler_tried(data, best), finer_tried(data, best)):
-            yield work_of_candidate(data, best)
-            if better is not None:
+            left -= (work := work_of_candidate(data, best))
+            yield work
+            if better is not None or left < 0:
                 break
         if better is None:
             break
