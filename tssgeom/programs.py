@@ -14,7 +14,7 @@ from typing import Any
 class _Program:
     """A program that is started once at most, and never after its end."""
 
-    process: subprocess.Popen[bytes] | None = None
+    process: subprocess.Popen[Any] | None = None
     failure: OSError | None = None
     ended: bool = False
     _lock: threading.Lock = field(default_factory=threading.Lock)

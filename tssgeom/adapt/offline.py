@@ -276,8 +276,7 @@ def _check_machine(rig: Rig, run: MachineColumns) -> None:
 
 
 def _require_every_row(time: Vector, drive: str, column: Vector | None) -> None:
-    missing = () if column is None else np.flatnonzero(np.isnan(column))
-    if len(missing):
+    if column is not None and len(missing := np.flatnonzero(np.isnan(column))):
         raise SettingsError(f"{drive} has no value at time_s = {time[missing[0]]:g}: fill every row")
 
 
