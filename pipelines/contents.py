@@ -28,7 +28,8 @@ from tssgeom.route.fibre.sensed import Fibre, clean_fibre, fit_fibre
 from tssgeom.stream import Frame, Rejected
 
 _ANY_RIG = Rig()  # the geometry does not depend on it
-_MEASURED = {field for field, _ in MEASURED.values()} - {"noise"}  # that is of the points
+_NOISES = {"noise", "curvature_noise"}  # of the points, of a fibre
+_MEASURED = {field for field, _ in MEASURED.values()} - _NOISES
 
 
 def files_and_campaigns(paths: Sequence[Path], columns: ColumnMap) -> Iterator[Path | Refusal]:
@@ -196,7 +197,7 @@ def _checked_recording(recording: Recording, columns: ColumnMap) -> dict[str, An
 def _fitted(frame: Frame) -> dict[str, Any]:
     """Fit a frame as analyse does; return length, noise and warnings."""
     if frame.curvatures is not None:
-        return _fitted_fibre(clean_fibre(frame.curvatures, frame.stations))
+        return _fitted_fibre(clean_fibre(frame.curvatures, frame.stations), frame.curvature_noise)
     shape, tracked = fit_frame(frame, _ANY_RIG)
     fit = tracked.fit
     return {
@@ -206,12 +207,13 @@ def _fitted(frame: Frame) -> dict[str, Any]:
     }
 
 
-def _fitted_fibre(fibre: Fibre) -> dict[str, Any]:
+def _fitted_fibre(fibre: Fibre, noise: float | None) -> dict[str, Any]:
     """Fit a fibre; return its length, warnings, and the noise of curvature and of its distal end."""
-    result = fit_fibre(fibre)
+    result = fit_fibre(fibre, noise)
     return {
         "length_m": fibre.length,
         "noise_m": float(result.fit.noise),
         "curvature_noise_per_m": float(result.curvature_noise),
+        "curvature_noise_se_per_m": float(result.curvature_noise_se),
         "warnings": [*fibre.warnings, *result.fit.warnings],
     }

@@ -19,6 +19,7 @@ COMMANDS = "tests/effects/test_commands.py -k displacement_of_the_load"
 ARCS = "tests/route/test_arcs.py -k 'partition or parallel or given'"
 DIRECTIONS = "tests/route/test_directions.py -k 'refused or flipped'"
 TABLES = "tests/io/test_tables_of_points.py"
+FIBRE = "tests/core/test_fibre.py"
 CORE_ARCS = "tests/core/test_arcs.py"
 DRIVE = "tests/identify/test_parts.py -k"
 LEVELS = "tests/identify/test_turn_levels.py"
@@ -246,12 +247,15 @@ MUTANTS = (
     Mutant(
         "tssgeom/core/arcs_summary.c", "hidden[j] * squared(length[j])", "hidden[j] * length[j]", CORE_ARCS
     ),
+    Mutant("tssgeom/core/fibre.c", "on - goes_on(of, start, j + 1)", "on", FIBRE),
+    Mutant("tssgeom/core/fibre.c", "double sum = step->added[a][b];", "double sum = 0.0;", FIBRE),
     Mutant(
         "tssgeom/core/fibre.c",
-        "v = 1.0 / (mass + 1.0 / variance)",
-        "v = 1.0 / mass",
-        "tests/core/test_fibre.py",
+        "at->mean[e][b] += gain[b][a] * off[a]",
+        "at->mean[e][b] -= gain[b][a] * off[a]",
+        FIBRE,
     ),
+    Mutant("tssgeom/core/fibre.c", "value = next, at = node[a]", "value = next", FIBRE),
     # what drives, and what is read
     Mutant(
         "tssgeom/statistics.py",

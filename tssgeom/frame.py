@@ -24,11 +24,7 @@ from tssgeom.route.marker_offset import follow_markers
 from tssgeom.route.model_choice import NOISE_PRIOR as POINT_NOISE
 from tssgeom.route.observations import MIN_POINTS, Shape, are_few, clean
 from tssgeom.route.order import along_the_shortest_path
-from tssgeom.route.resolution import (
-    NO_ERRORS,
-    SharedErrors,
-    sheath_resolution,
-)
+from tssgeom.route.resolution import NO_ERRORS, SharedErrors, sheath_resolution
 from tssgeom.route.route_fit import RouteFit
 from tssgeom.route.shared_errors import posterior_of_source, with_hidden_errors, with_shared_errors
 from tssgeom.route.time_filter import PointFilter, begun, filtered, noise_left, smoothed
@@ -40,6 +36,7 @@ _ASTRAY = 2.0  # noise of a warm fit over that of the first one, above which it 
 
 _ERRORS_EVERY = 64  # frames between two estimates of what errors that neighbours share mean [1]; chosen
 
+_NOISE_OF_POINTS = "noise_mm is that of points, and a fibre does not use it: state curvature_noise_per_m"
 _T = TypeVar("_T")
 
 
@@ -91,6 +88,8 @@ class Frame(Result):
     """Measured temperature [°C]."""
     noise: float | None = None
     """Standard deviation of each coordinate across the route, where the sensor states it [m]."""
+    curvature_noise: float | None = None
+    """Standard deviation of each curvature component of a fibre, where it is stated [1/m]."""
     source: Source | None = None
     """Source of the points, where a file states it."""
     warnings: tuple[str, ...] = ()
@@ -115,7 +114,9 @@ def fit_frame(
     """
     if frame.curvatures is not None:
         fibre = clean_fibre(frame.curvatures, frame.stations)
-        fit = measure_fibre(fibre, rig.shape.curvature_noise_per_m)
+        fit = measure_fibre(fibre, curvature_noise_of(frame, rig))
+        if rig.shape.noise is not None and curvature_noise_of(frame, rig) is None:
+            fit = fit.warned(_NOISE_OF_POINTS)
         return sensed_shape(fibre, fit), TrackedFit(fit, fibre.index)
     if (ends := _ends(frame, rig)) is not None:
         return _fit_ends(ends)
@@ -260,9 +261,18 @@ def noise_of(frame: Frame, rig: Rig) -> float | None:
     ShapeError
         Where that of the frame is not positive and finite.
     """
-    if frame.noise is not None and not (math.isfinite(frame.noise) and frame.noise > 0.0):
-        raise ShapeError(f"the noise is {frame.noise:g} m: give a finite value > 0 m, or leave it out")
-    return frame.noise if rig.shape.noise is None else rig.shape.noise
+    return _stated(rig.shape.noise, frame.noise, "m")
+
+
+def curvature_noise_of(frame: Frame, rig: Rig) -> float | None:
+    """Return the noise of a curvature component of a fibre [1/m]; otherwise as `noise_of`."""
+    return _stated(rig.shape.curvature_noise_per_m, frame.curvature_noise, "/m")
+
+
+def _stated(of_rig: float | None, of_frame: float | None, unit: str) -> float | None:
+    if of_frame is not None and not (math.isfinite(of_frame) and of_frame > 0.0):
+        raise ShapeError(f"the noise is {of_frame:g} {unit}: give a finite value > 0 {unit}, or leave it out")
+    return of_frame if of_rig is None else of_rig
 
 
 def _direction_noise(rig: Rig, last: TrackedFit | None) -> float | None:
@@ -324,6 +334,7 @@ def require_usable(frame: Frame) -> None:
     rig = Rig()
     if frame.curvatures is not None:
         clean_fibre(frame.curvatures, frame.stations)
+        curvature_noise_of(frame, rig)
     elif _ends(frame, rig) is None:
         sensed_points(frame, rig, None)
     noise_of(frame, rig)

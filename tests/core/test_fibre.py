@@ -1,47 +1,89 @@
-"""The entry of fibre.h against its slow twin on random gratings."""
+"""The entries of fibre.h against their slow twin on random gratings."""
 
 import math
 
 import numpy as np
 import pytest
 
-from tests.core.twins.fibre import average_partitions as twin
+from tests.core.twins import fibre as twin
 from tssgeom import core
-from tssgeom.route.fibre.models import Sensed, average_partitions
+from tssgeom.errors import FitError
+
+KINDS = np.array([[0.0, 0.0, 0.3], [100.0, 0.0, 0.3], [60.0, 12.0, 0.4]]).T
+RATE = 8.0
 
 
-def _sensed(seed):
+def _sites(seed, n=None):
+    """Gratings on two pieces of curvature, the last site an end without one."""
     rng = np.random.default_rng(seed)
-    n = int(rng.integers(1, 25))
-    s = np.sort(rng.uniform(0.0, 0.5, n))
-    bend = 10.0 * np.repeat(rng.normal(size=(4, 2)) * (rng.random((4, 1)) > 0.4), 7, axis=0)[:n]
-    merged = rng.integers(1, 4, n).astype(float)
-    return Sensed(s, bend + 0.5 * rng.normal(size=(n, 2)), merged, 0.5, 0.5), rng
+    n = int(rng.integers(2, 7)) if n is None else n
+    s = np.concatenate(([0.0], np.sort(rng.uniform(0.0, 0.5, n - 1))))
+    bend = 10.0 * np.repeat(rng.normal(size=(2, 2)), 4, axis=0)[:n] + 0.5 * rng.normal(size=(n, 2))
+    precision = rng.uniform(0.3, 4.0, n)
+    precision[-1] = 0.0
+    return s, bend, precision
 
 
-def test_averages_over_all_partitions():
-    for seed in range(200):
-        sensed, rng = _sensed(seed)
-        noise, rate = 10.0 ** rng.uniform(-1.0, 0.5), 10.0 ** rng.uniform(-1.0, 2.0)
-        expected = twin(sensed.s, sensed.bend, sensed.merged / noise**2, sensed.cell, rate, sensed.typical**2)
-        result = average_partitions(sensed, noise, rate)
-        np.testing.assert_allclose(result[:2], expected[:2], rtol=1e-10, atol=1e-10)
-        # a variance is the difference of squares
-        np.testing.assert_allclose(result[2], expected[2], rtol=1e-8, atol=1e-12)
-        np.testing.assert_array_equal(result.joints, expected[3])
-        np.testing.assert_array_equal(result.curved, expected[4])
+def test_evidence_is_that_of_all_partitions_and_the_likeliest_is_named():
+    for seed in range(40):
+        given = (*_sites(seed), *KINDS, RATE)
+        every = twin.partitions(*given)
+        result, origin, kind = core.fibre_evidence(*given)
+        assert result == pytest.approx(twin.log_evidence(every), rel=1e-8, abs=1e-8)
+        _, starts, kinds = max(every)
+        ends = [*starts[1:], len(given[0])]
+        assert [origin[end] for end in ends] == starts
+        assert [kind[end] for end in ends] == list(kinds)
 
 
-@pytest.mark.parametrize("name", ["s", "bend", "merged"])
-def test_numbers_that_are_none_end_without_a_result(name):
-    sensed, _ = _sensed(1)
-    broken = sensed._replace(**{name: np.full_like(getattr(sensed, name), math.nan)})
-    result = average_partitions(broken, 0.5, 4.0)
-    assert math.isnan(result.log_evidence)
-    assert result.joints[-1] == len(sensed.s)
+def _draws(given, nodes_each=2, count=4000):
+    s = given[0]
+    m = nodes_each * (len(s) - 1) + 1
+    node = np.interp(np.arange(m) / nodes_each, np.arange(len(s)), s)
+    rng = np.random.default_rng(0)
+    uniform, normal = rng.random((count, 2 * len(s))), rng.standard_normal((count, 8 * len(s)))
+    return node, core.fibre_draws(*given, node, uniform, normal)
 
 
-def test_gratings_and_cells_of_other_numbers_are_refused():
-    sensed, _ = _sensed(2)
-    with pytest.raises(ValueError, match="cell has shape"):
-        core.average_partitions(sensed.s, sensed.bend, sensed.merged, sensed.cell[:-1], 4.0, 1.0)
+def test_draws_have_the_moments_of_the_posterior():
+    for seed in range(6):
+        given = (*_sites(seed, 6), *KINDS, RATE)
+        first, second = twin.posterior(*given)
+        _, (curvature, _, _) = _draws(given)
+        at_sites = curvature[:, ::2]
+        sd = np.sqrt(second - first**2)
+        error = np.abs(at_sites.mean(axis=0) - first) / sd * math.sqrt(4000)
+        assert error.max() < 4.5  # 72 means in all, one of which is beyond 4.5 standard errors once in 2000
+        assert np.sqrt(np.mean(at_sites**2, axis=0)) == pytest.approx(np.sqrt(second), rel=0.12)
+
+
+def test_angles_are_the_integral_of_the_drawn_magnitudes():
+    given = (*_sites(3, 6), *KINDS, RATE)
+    node, (curvature, angle, _) = _draws(given, nodes_each=400, count=50)
+    magnitude = np.linalg.norm(curvature, axis=2)
+    whole = np.sum(0.5 * (magnitude[:, 1:] + magnitude[:, :-1]) * np.diff(node), axis=1)
+    # they differ in the cells of joints, 1/400 of the spacing wide
+    assert angle[:, -1] == pytest.approx(whole, abs=0.02)
+    assert (np.diff(angle, axis=1) >= 0.0).all()
+
+
+def test_a_draw_is_smooth_where_a_piece_of_it_is():
+    s, bend, precision = _sites(2, 6)
+    only = [(KINDS[:, [k]] / np.array([[1.0], [1.0], [KINDS[2, k]]])) for k in (1, 2)]
+    smooth = [_draws((s, bend, precision, *each, RATE))[1][2] for each in only]
+    assert not smooth[0].any()
+    assert smooth[1].all()
+
+
+@pytest.mark.parametrize("index", [0, 1, 2])
+def test_numbers_that_are_none_end_without_a_result(index):
+    given = list(_sites(1, 6))
+    given[index] = np.full_like(given[index], math.nan)
+    assert math.isnan(core.fibre_evidence(*given, *KINDS, RATE)[0])
+    assert len(_draws((*given, *KINDS, RATE), count=3)[1][1]) == 3
+
+
+def test_nodes_that_do_not_divide_the_sites_are_refused():
+    given = (*_sites(2, 6), *KINDS, RATE)
+    with pytest.raises(FitError, match="do not belong to each other"):
+        core.fibre_draws(*given, np.linspace(0.0, 0.5, 12), np.zeros((1, 12)), np.zeros((1, 48)))

@@ -9,6 +9,7 @@ import pytest
 
 from tssgeom.errors import ShapeError
 from tssgeom.io.formats.files import Recording, open_recording
+from tssgeom.io.formats.laboratory.mapping import ColumnMap
 from tssgeom.stream import Frame
 
 S = np.array([10.0, 20, 30, 40])
@@ -75,6 +76,32 @@ def test_a_unit_that_is_missing_or_mixed_is_refused_with_the_hint(tmp_path, head
     with pytest.raises(ShapeError) as refused:
         opened(tmp_path, f"{header}\n10,1,2\n20,1,2\n30,1,2\n")
     assert reason in str(refused.value)
+
+
+def test_a_column_that_may_hold_the_stations_is_named_with_the_option_that_accepts_it(tmp_path):
+    text = "Position [mm],kappa_x_per_m,kappa_y_per_m\n" + rows(S, *BEND.T)
+    with pytest.raises(ShapeError, match=r'--map "Position \[mm\]=s_mm"'):
+        opened(tmp_path, text)
+    mapped = ColumnMap(["Position [mm]=s_mm"])
+    (frame,) = frames(open_recording(tmp_path / "fibre.csv", None, mapped))
+    np.testing.assert_array_equal(frame.stations, S / 1000.0)
+
+
+@pytest.mark.parametrize(("unit", "value"), [("m", 0.15), ("mm", 0.00015)])
+def test_the_noise_of_curvatures_is_a_column_in_either_unit(tmp_path, unit, value):
+    header = f"s_mm,kappa_x_per_m,kappa_y_per_m,curvature_noise_per_{unit}\n"
+    (frame,) = frames(opened(tmp_path, header + rows(S, *BEND.T, np.full(4, value))))
+    assert frame.curvature_noise == pytest.approx(0.15)
+
+
+@pytest.mark.parametrize("column", ["noise_m", "noise", "noise_per_m"])
+def test_a_noise_that_is_not_that_of_curvatures_gives_a_warning_with_the_name_to_use(tmp_path, column):
+    header = f"s_mm,kappa_x_per_m,kappa_y_per_m,{column}\n"
+    recording = opened(tmp_path, header + rows(S, *BEND.T, np.full(4, 0.15)))
+    (warning,) = recording.warnings
+    assert f"column '{column}' is not read" in warning
+    assert "curvature_noise_per_m" in warning
+    assert frames(recording)[0].noise is None
 
 
 def test_unit_option_is_for_the_stations(tmp_path):

@@ -42,6 +42,24 @@ def test_check_reports_gratings_and_noise(run, fibre):
     assert output["curvature_noise_per_m"] == pytest.approx(0.05, rel=0.5)  # the s.e. of 34 values is 12 %
 
 
+def test_a_stated_noise_of_curvature_is_used_and_that_of_points_is_not_without_a_warning(
+    run, fibre, tmp_path
+):
+    def analysed(rig: str) -> dict:
+        (tmp_path / "rig.toml").write_text(f"[shape]\n{rig}\n")
+        return json.loads(run("analyse", fibre, "--rig", tmp_path / "rig.toml", "--json").out)
+
+    small, large, wrong = map(analysed, ("curvature_noise_per_m = 0.05", "curvature_noise_per_m = 0.5", ""))
+    assert large["total_angle_se_rad"] > 2 * small["total_angle_se_rad"]
+    assert "noise_mm is that of points" in str(analysed("noise_mm = 0.1")["warnings"])
+    assert "noise_mm" not in str(wrong["warnings"])
+    head, *lines = fibre.read_text().split()
+    fibre.write_text("\n".join([head + ",curvature_noise_per_m", *(line + ",0.5" for line in lines)]) + "\n")
+    assert analysed("")["total_angle_se_rad"] == pytest.approx(large["total_angle_se_rad"], rel=1e-9)
+    (checked,) = json.loads(run("check", fibre, "--json").out)
+    assert (checked["curvature_noise_per_m"], checked["curvature_noise_se_per_m"]) == (0.5, 0.0)
+
+
 def test_simulate_drives_a_tendon_on_the_route_of_a_fibre(run, fibre, tmp_path):
     drive = tmp_path / "drive.csv"
     drive.write_text("time_s,tension_in_N\n0,5\n1,15\n")

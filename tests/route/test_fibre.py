@@ -87,6 +87,39 @@ def test_the_interval_covers_the_angle(route, n, trials, noise):
     assert np.sqrt(np.mean(result[:, 1] ** 2)) < 6 * np.sqrt(np.mean(result[:, 0] ** 2)) + 0.05
 
 
+def bumps(rng):
+    """Two to four smooth bends of 2 to 12/m, with almost straight stretches between them and beside them."""
+    k = rng.integers(2, 5)
+    at, width = LENGTH * rng.uniform(0.1, 0.9, k), LENGTH * rng.uniform(0.05, 0.13, k)
+    plane, size = rng.uniform(0, 2 * np.pi, k), rng.uniform(2.0, 12.0, k)
+    bend = size[:, None] * np.column_stack((np.cos(plane), np.sin(plane)))
+    return lambda s: np.exp(-(((s[:, None] - at) / width) ** 2)) @ bend
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_smooth_bends_between_straight_stretches_have_no_bias_and_intervals_that_cover(known):
+    result = errors(bumps, 40, 0.15, known=known, trials=60)
+    off = result[:, 0] / result[:, 1]
+    assert abs(np.mean(off)) < 0.55  # 0.15 measured, and three standard errors of 60 trials
+    assert np.sum(np.abs(off) > 1.96) <= 9  # 5 % are outside by right; 0.2 % of samples have more
+    assert np.sqrt(np.mean(off**2)) > 0.7  # and they are not wider than needed
+
+
+def test_an_unknown_noise_is_within_its_standard_error():
+    rng, off = np.random.default_rng(12), []
+    for _ in range(40):
+        s = stations(40)
+        result = fit_fibre(read(bumps(rng)(s) + 0.15 * rng.standard_normal((40, 2)), s))
+        off.append((result.curvature_noise - 0.15) / result.curvature_noise_se)
+    assert abs(np.mean(off)) < 0.9  # -0.4 measured, and three standard errors of 40 trials
+    assert np.sqrt(np.mean(np.square(off))) < 1.5  # 1.1 measured
+
+
+def test_a_known_noise_has_no_error():
+    s = stations(18)
+    assert fit_fibre(read(half(np.random.default_rng(0))(s), s), 0.2).curvature_noise_se == 0.0
+
+
 def test_noise_alone_adds_no_angle_to_a_straight_fibre():
     result = errors(line, 100, 1.0, known=True, trials=10)
     rectified = 1.0 * np.sqrt(np.pi / 2) * LENGTH  # mean magnitude of two components of noise 1/m
@@ -108,7 +141,7 @@ def test_pieces_are_distinguished_from_smooth_curvature():
         bend = route(rng)(stations(60))
         result = fit_fibre(read(bend + 0.3 * rng.standard_normal(bend.shape), stations(60)), 0.3)
         assert result.fit.arcs.method == method
-        assert result.probability[method] > 0.99
+        assert result.probability[method] > 0.8  # a piece of a few gratings may be smooth as well
 
 
 def test_straight_pieces_have_exactly_no_angle():
@@ -135,7 +168,7 @@ def test_a_joint_is_uncertain_by_the_spacing_of_gratings():
     ).arcs
     gap = 0.05 / np.sqrt(12)  # standard deviation of a position uniform over 50 mm
     assert np.sqrt(arcs.covariance[0, 0]) == pytest.approx(gap, rel=0.02)
-    assert arcs.total_angle_se == pytest.approx(16.0 * gap, rel=0.1)  # noise and the end adds a little
+    assert arcs.total_angle_se == pytest.approx(16.0 * gap, rel=0.15)  # noise, ends and slopes add
     assert arcs.covariance[:2, :2].sum() == pytest.approx(0.0, abs=1e-15)  # the whole length is known
 
 
@@ -172,7 +205,8 @@ def test_angle_and_error_do_not_depend_on_the_unit():
 
 
 def test_a_half_circle_ends_two_radii_aside():
-    geometry = measure_fibre(read(np.tile([np.pi / LENGTH, 0.0], (18, 1)), stations(18)))
+    everywhere = np.linspace(0.0, LENGTH, 18)  # gratings at both ends: nothing is left unsensed
+    geometry = measure_fibre(clean_fibre(np.tile([np.pi / LENGTH, 0.0], (18, 1)), everywhere))
     end = geometry.route.position[-1]
     np.testing.assert_allclose(end, [2 * LENGTH / np.pi, 0.0, 0.0], atol=1e-6)
     np.testing.assert_allclose(geometry.route.tangent[-1], [0.0, 0.0, -1.0], atol=1e-5)

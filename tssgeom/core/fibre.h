@@ -1,18 +1,37 @@
-/* Curvatures sensed along a fibre; docs/model.md (36). */
+/* Curvatures sensed along a fibre; docs/model.md (36) to (38). */
 #pragma once
 #include "core.h"
 
-/** Average all partitions of n gratings into pieces of constant curvature, and find the likeliest; (36).
+enum {
+    STATES = 4, /* of a smooth component y_k = (d/ds + λ)^k κ; Matérn covariance of the order 7/2 */
+    NORMALS = 2 * STATES,
+    OF_PIECE = 3 + STATES * STATES + 2 * STATES, /* numbers of a piece that goes on */
+    OF_STEP = 2 * STATES * STATES + 1            /* and of a step along the fibre */
+};
 
-Joints come at random with a rate a metre, half of the pieces are straight, the others have curvature
-components of a variance [1/m²]. Sums over all partitions take time quadratic in n (Barry and Hartigan 1992).
+/** ln of the evidence of curvatures at n sites, over all partitions into pieces of k kinds; docs/model.md (36).
 
-s [n]: arc lengths [m]; bend [n][2]: components [1/m]; precision [n]: of each component [m²]; cell [n + 1]:
-bounds of the stretch that each grating stands for [m]. Returned are ln of the evidence, mean [rad] and
-variance [rad²] of the whole angle, and of the likeliest partition before each grating, and at the end,
-where its last piece begins, and whether that is curved [n + 1]. */
-ENTRY void tss_average_partitions(
-    int64_t n, const double s[n], const double bend[n][2], const double precision[n],
-    const double cell[n + 1], double rate, double variance, OUT double *log_evidence, OUT double *mean,
-    OUT double *angle_variance, OUT int64_t origin[n + 1], OUT uint8_t curved[n + 1],
-    WORK double work[14 * n + 12]);
+A piece of x metres goes on with the probability 1/(1 + rate x). A kind has curvature components of a variance
+[1/m²], straight where 0, whose covariance decays with decay [1/m], constant where 0; share is its probability.
+Without the constant of Gaussian densities, that is Σ ln(precision/2π) over the sites that were read.
+
+s [n]: arc length of the sites, from the proximal to the distal end [m]; bend [n][2]: components sensed there
+[1/m]; precision [n]: of each, 0 where none was read [m²]. Returned with it is the likeliest partition: where
+the last piece of the sites before each one begins, and its kind [n + 1]. */
+ENTRY void tss_fibre_evidence(
+    int64_t n, int64_t k, const double s[n], const double bend[n][2], const double precision[n],
+    const double variance[k], const double decay[k], const double share[k], double rate,
+    OUT double *log_evidence, OUT int64_t origin[n + 1], OUT int64_t kind[n + 1],
+    WORK double work[30 * k * n + 3 * n + 4 * k]);
+
+/** Draws d from the posterior of the curvature on m nodes; docs/model.md (38).
+
+Nodes: (m - 1)/(n - 1) even ones in each interval of the sites [m]; uniform [d][2 n], normal [d][8 n]: random
+numbers. Returned are components [d][m][2] [1/m], accumulated angle [d][m] [rad], and whether a draw has a
+smooth piece [d]. */
+ENTRY status tss_fibre_draws(
+    int64_t n, int64_t k, int64_t m, int64_t d, const double s[n], const double bend[n][2],
+    const double precision[n], const double variance[k], const double decay[k], const double share[k],
+    double rate, const double node[m], const double uniform[d][2 * n], const double normal[d][8 * n],
+    OUT double curvature[d][m][2], OUT double angle[d][m], OUT uint8_t smooth[d],
+    WORK double work[3 * k * n * n + 69 * k * n + 64 * n + 4 * k]);

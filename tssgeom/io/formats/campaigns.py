@@ -257,6 +257,7 @@ def _shape_alone(frame: Frame | Rejected) -> Frame | Rejected:
         frame.time,
         frame.stations,
         curvatures=frame.curvatures,
+        curvature_noise=frame.curvature_noise,
         directions=frame.directions,
         length=frame.length,
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, fields
@@ -56,6 +57,8 @@ MACHINE_CHANNELS = _machine_channels()
 one in SI."""
 _OF_FRAMES_ALONE = {
     "noise_m": ("noise", 1.0),
+    "curvature_noise_per_m": ("curvature_noise", 1.0),
+    "curvature_noise_per_mm": ("curvature_noise", 1e-3),
     "displacement_target_m": ("displacement_target", 1.0),
     "tension_out_target_N": ("tension_out_target", 1.0),
 }
@@ -73,7 +76,7 @@ OF_MACHINE = MACHINE_CHANNELS | {
 }
 """Columns of a machine that a frame can hold, as `MACHINE_CHANNELS`."""
 
-_MEASUREMENTS = ("tension", "displacement", "elongation", "temperature", "time")
+_MEASUREMENTS = ("tension", "displacement", "elongation", "temperature", "time", "noise", "curvature_noise")
 _EXPECTED = "the first line must be a header such as x_mm,y_mm,z_mm"
 
 
@@ -103,8 +106,10 @@ class Columns:
         return numbers + self.axes + station + self.directions + self.measured
 
 
-def columns_of(path: Path, names: Sequence[str], given_unit: str | None) -> Columns:
-    """Recognise the columns of a table.
+def columns_of(
+    path: Path, names: Sequence[str], given_unit: str | None, others: Sequence[str] = ()
+) -> Columns:
+    """Recognise the columns of a table; `others` are names in its file that no station has.
 
     Raises
     ------
@@ -124,11 +129,13 @@ def columns_of(path: Path, names: Sequence[str], given_unit: str | None) -> Colu
     axes = () if fibre else tuple(_only(path, names, axis) for axis in AXES)
     stations = [name for name in names if _split(name)[0] == "s"]
     if fibre and not stations:
-        raise ShapeError(f"{path}: curvatures without stations: add a column s_mm or s_m, the arc length")
+        raise ShapeError(f"{path}: curvatures without stations: {_with_stations([*names, *others])}")
     station = _only(path, names, "s") if stations else None
     unit = _one_unit(path, [*axes, *([station] if station else [])], given_unit)
     bends, bend_unit = _bends(path, names) if fibre else ((), None)
-    measured = tuple(name for name in names if name in MEASURED or name in OF_MACHINE)
+    unused = "noise" if fibre else "curvature_noise"
+    read = {name for name, (field, _) in MEASURED.items() if field != unused}
+    measured = tuple(name for name in names if name in read or name in OF_MACHINE)
     if {"elongation_m", "elongation_mm"} <= set(measured):
         raise ShapeError(f"{path}: columns elongation_m and elongation_mm are both there: keep one")
     return Columns(
@@ -138,10 +145,21 @@ def columns_of(path: Path, names: Sequence[str], given_unit: str | None) -> Colu
         TIME in names,
         POINT in names,
         measured,
-        unread(names, {TIME, *MEASURED, *CHANNELS}),
+        unread(names, {TIME, *read, *CHANNELS}),
         bend_unit,
         () if fibre else _directions(path, names),
     )
+
+
+def _with_stations(names: Sequence[str]) -> str:
+    """Return how the stations of a fibre are stated, with a column that may hold them."""
+    known = {TIME, POINT, *MEASURED, *OF_MACHINE}
+    others = [name for name in names if name not in known and not name.startswith(BENDS)]
+    lengths = [name for name in others if re.search(r"[\[(_ ]m{1,2}[\])]?$", name)]
+    if not lengths:
+        return "add a column s_mm or s_m, the arc length"
+    unit = "mm" if "mm" in lengths[0] else "m"
+    return f'add a column s_mm or s_m, the arc length, or state which it is: --map "{lengths[0]}=s_{unit}"'
 
 
 def _directions(path: Path, names: Sequence[str]) -> tuple[str, ...]:

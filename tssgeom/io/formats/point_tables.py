@@ -112,7 +112,8 @@ def _open_laboratory(path: Path, unit: str | None, said: ColumnMap, *, clean: bo
     read = laboratory_table(path, said, unit)
     if clean and read.faults:
         raise ShapeError(f"{path}: {next(iter(read.faults.values()))}")
-    columns = columns_of(path, [*read.values] if read.is_points else [*read.values, *read.unread], unit)
+    names = [*read.values] if read.is_points else [*read.values, *read.unread]
+    columns = columns_of(path, names, unit, [*read.names.values(), *read.unread])
     if not read.is_points:
         raise ShapeError(f"{path}: the cells of {', '.join(columns.axes)} are no numbers: mend the file")
     values = {name: read.values[name] for name in columns.names}

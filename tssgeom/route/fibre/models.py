@@ -1,118 +1,281 @@
-"""Two models of the curvatures that a fibre senses: pieces of constant curvature, and smooth functions.
+"""The prior of the curvatures that a fibre senses, and what follows from it: evidence, noise and draws.
 
-A fibre in pieces is cut where its curvature vector jumps; where between two gratings it does is not observed.
-Joints come at random with a rate λ a metre, half of the pieces are straight, the others have curvature
-components of variance τ². Sums over all partitions then take time quadratic in the number of gratings (Barry
-and Hartigan 1992), and so does the likeliest one.
-
-In the smooth model each component is Brownian motion beforehand, or the integral of one, from an unknown
-start. With at most a few hundred stations its covariances are kept as dense matrices.
+A route is cut into pieces, of which each is straight, of constant curvature, or smooth. Where between two
+gratings two of them meet is not observed. Sums over all partitions take time quadratic in the number of
+gratings (Barry and Hartigan 1992); a smooth piece is a Gaussian process, filtered along the fibre;
+docs/model.md (36).
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
 from tssgeom import core
-from tssgeom.arrays import Matrix, Points, Vector
-from tssgeom.route.route import accumulated
+from tssgeom.arrays import Matrix, Points, Vector, rows_at
 
 
 @dataclass(frozen=True, slots=True)
-class PriorScale:
-    """Scales of the priors of curvature."""
+class FibrePrior:
+    """Prior of the curvature of a fibre; docs/model.md (36), (37), (240)."""
 
     faintest: float = 1e-4
     """Curvature below which nothing differs from straight [1/m]. Chosen: a radius of 10 km."""
-    steepest: float = 6.0
-    """Change of a smooth curvature over the fibre beforehand, in typical sizes [1]. Chosen: vague."""
-    rounding: float = 1e-10
-    """Variance over the mean square of curvature that is rounding [1]. Derived: double precision."""
+    straight: float = 0.5
+    """Probability that a piece is straight; half of the others are smooth [1]. Chosen."""
+    pieces: float = 4.0
+    """Pieces on a fibre, of which a piece as long as it is one of this number and one [1]. Chosen."""
+    constant_sizes: tuple[float, ...] = (2.5, 0.5, 0.1)
+    """Sizes of constant curvature, in rms curvatures [1]. Chosen: about even in the magnitude."""
+    smooth_sizes: tuple[float, ...] = (1.5, 0.3)
+    """The same of smooth curvature [1]. Chosen."""
+    least_scale: float = 3.0
+    """Length over which a smooth curvature is alike, at least [median spacings]. Chosen."""
+    scale_ratio: float = 2.2
+    """From one such length to the next, up to that of the fibre [1]. Chosen."""
+    noise_per_m: float = 0.1
+    """Typical noise of a component [1/m]. Chosen: strains of some 10⁻⁶ in cores 40 µm off the middle."""
+    noise_decades: float = 0.7
+    """Standard deviation of its logarithm [decades]. Chosen: 0.004 to 2.4/m in nineteen of twenty fibres."""
+    noise_range: tuple[float, float] = (1e-4, 1.5)
+    """Bounds of an unknown noise, in rms curvatures [1]. Chosen."""
 
 
-SCALE = PriorScale()
+PRIOR = FibrePrior()
+
+
+@dataclass(frozen=True, slots=True)
+class Effort:
+    """How finely a fibre is averaged. Chosen: the rest is below a tenth of a standard error."""
+
+    noise_levels: int = 7
+    """Levels of the coarse grid of the noise."""
+    more_levels: int = 8
+    """Levels that are added where the probability is, at most."""
+    level_step: float = 0.8
+    """Step of the logarithm of the noise that is fine enough [standard errors]."""
+    negligible: float = 1e-3
+    """Probability below which a step of the grid is not halved [1]."""
+    draws: int = 256
+    """Draws of the curvature."""
+    intervals: int = 100
+    """Fewest intervals between the nodes of a draw."""
+    seed: int = 36
+    """Of their random numbers."""
+
+
+EFFORT = Effort()
+
+
+class Kinds(NamedTuple):
+    """Kinds of pieces."""
+
+    variance: Vector
+    """Of a component of the curvature, 0 where straight [k] [1/m²]."""
+    decay: Vector
+    """Of its covariance along the piece, 0 where constant [k] [1/m]."""
+    share: Vector
+    """Probability of each [k] [1]."""
 
 
 class Sensed(NamedTuple):
-    """Curvature components at the stations of a fibre, in SI."""
+    """Curvature components at the sites of a fibre: its gratings, and its ends, in SI."""
 
     s: Vector
-    """Arc length of each grating from the proximal end [m]."""
+    """Arc length of each site from the proximal end [n] [m]."""
     bend: Points
     """Components κ_x, κ_y [n, 2] [1/m]."""
     merged: Vector
-    """Number of gratings that each value is the mean of [1]."""
-    length: float
-    """Length of the fibre [m]."""
+    """Number of gratings that each value is the mean of, 0 at an end without one [n] [1]."""
     noise: float
     """Known standard deviation of one component of one grating, 0 where unknown [1/m]."""
 
     @property
+    def length(self) -> float:
+        """Length of the fibre [m]."""
+        return float(self.s[-1])
+
+    @property
+    def read(self) -> np.ndarray:
+        """True where a grating was read [n]."""
+        return self.merged > 0.0
+
+    @property
     def cell(self) -> Vector:
-        """Bounds of the stretch that each grating stands for: both ends, and halfway between [n+1] [m]."""
+        """Bounds of the stretch that each site stands for: both ends, and halfway between [n+1] [m]."""
         return np.concatenate(([0.0], 0.5 * (self.s[1:] + self.s[:-1]), [self.length]))
 
     @property
     def typical(self) -> float:
-        """Typical size τ of a component, not below what the noise could hide [1/m]."""
-        return math.sqrt(max(float(np.mean(self.bend**2)), self.noise**2, SCALE.faintest**2))
+        """Size τ of a component in the mean, not below what the noise could hide [1/m]."""
+        mean_square = float(np.mean(self.bend[self.read] ** 2))
+        return math.sqrt(max(mean_square, self.noise**2, PRIOR.faintest**2))
+
+
+def kinds_of(sensed: Sensed, *, smooth: bool = True, pieces: bool = True) -> Kinds:
+    """Kinds of pieces: of constant curvature, straight ones among them, and of smooth curvature."""
+    spacing = float(np.median(np.diff(sensed.s)))
+    count = math.log(sensed.length / (PRIOR.least_scale * spacing)) / math.log(PRIOR.scale_ratio)
+    steps = np.arange(max(math.floor(count), 0) + 1, dtype=np.float64)
+    scale: Vector = sensed.length * PRIOR.scale_ratio**-steps
+    variance = [0.0] + [size**2 for size in PRIOR.constant_sizes]
+    constant = len(PRIOR.constant_sizes)
+    curved = (1.0 - PRIOR.straight) / 2.0
+    kinds = [Kinds(np.array(variance), np.zeros(constant + 1), _shares(PRIOR.straight, curved, constant))]
+    kinds = kinds if pieces else []
+    if smooth:
+        size, decay = (each.ravel() for each in np.meshgrid(PRIOR.smooth_sizes, math.sqrt(7.0) / scale))
+        own = np.full(size.size, curved / size.size)
+        kinds.append(Kinds(np.square(size), decay, own))
+    every = Kinds(*(np.concatenate(each) for each in zip(*kinds, strict=True)))
+    return every._replace(variance=every.variance * sensed.typical**2, share=every.share / every.share.sum())
+
+
+def _shares(straight: float, curved: float, count: int) -> Vector:
+    return np.concatenate(([straight], np.full(count, curved / count)))
 
 
 class Partition(NamedTuple):
-    """The average over all partitions, and the likeliest of them."""
+    """Evidence of the curvatures over all partitions, and the likeliest of these."""
 
     log_evidence: float
-    """Evidence of the curvatures (natural logarithm)."""
-    mean: float
-    """Φ averaged over all partitions [rad]."""
-    variance: float
-    """Its variance [rad²]."""
+    """Evidence (natural logarithm)."""
     joints: np.ndarray
-    """First grating of each piece, and their number at the end [k+1]."""
+    """First site of each piece, and their number at the end [k+1]."""
     curved: np.ndarray
     """False for a straight piece [k]."""
 
 
-def average_partitions(sensed: Sensed, noise: float, rate: float) -> Partition:
-    """Average all partitions for a given noise [1/m] and rate of joints [1/m]; docs/model.md (36)."""
-    given = (sensed.s, sensed.bend, sensed.merged / noise**2, sensed.cell)
-    log_evidence, mean, variance, origin, curved = core.average_partitions(*given, rate, sensed.typical**2)
+def partitions(sensed: Sensed, kinds: Kinds, noise: float) -> Partition:
+    """Sum over all partitions for a noise [1/m]; docs/model.md (36)."""
+    precision, rate = sensed.merged / noise**2, PRIOR.pieces / sensed.length
+    log_evidence, origin, kind = core.fibre_evidence(sensed.s, sensed.bend, precision, *kinds, rate)
     joints = [len(sensed.s)]
     while joints[-1] > 0:
         joints.append(int(origin[joints[-1]]))
     joints.reverse()
-    return Partition(log_evidence, mean, variance, np.array(joints), curved[joints[1:]])
+    log_evidence += float(np.sum(np.log(precision[sensed.read] / (2.0 * math.pi))))
+    return Partition(log_evidence, np.array(joints), kinds.variance[kind[joints[1:]]] > 0.0)
 
 
-def piece_means(sensed: Sensed, joints: np.ndarray, curved: np.ndarray) -> tuple[Points, Vector]:
+class Noises(NamedTuple):
+    """Levels of the noise that count, with their probabilities."""
+
+    level: Vector
+    """Standard deviation of a component of one grating [k] [1/m]."""
+    probability: Vector
+    """Posterior probability of each [k] [1]."""
+    log_evidence: float
+    """Evidence of the curvatures over all of them (natural logarithm)."""
+
+    @property
+    def estimate(self) -> float:
+        """The noise [1/m]: the mean of its logarithm."""
+        return math.exp(float(self.probability @ np.log(self.level)))
+
+    @property
+    def relative_se(self) -> float:
+        """Standard error of its logarithm [1]."""
+        off = np.log(self.level / self.estimate)
+        return math.sqrt(float(self.probability @ off**2))
+
+
+def noises(sensed: Sensed, kinds: Kinds) -> Noises:
+    """Levels of the noise: the known one, else a grid that is fine where the probability is; (240)."""
+    if sensed.noise > 0.0:
+        log_evidence = partitions(sensed, kinds, sensed.noise).log_evidence
+        return Noises(np.array([sensed.noise]), np.ones(1), log_evidence)
+    low, high = (math.log(share * sensed.typical) for share in PRIOR.noise_range)
+    level = np.linspace(low, high, EFFORT.noise_levels)
+    density = np.array([_log_density(sensed, kinds, x) for x in level])
+    finest = EFFORT.level_step / math.sqrt(2.0 * float(np.count_nonzero(sensed.read)))
+    for _ in range(EFFORT.more_levels):
+        mass = np.exp(np.maximum(density[1:], density[:-1]) - density.max()) * np.diff(level)
+        widest = np.where(np.diff(level) > finest, mass, 0.0)
+        if widest.max() <= EFFORT.negligible * mass.sum():
+            break
+        i = int(np.argmax(widest))
+        middle = 0.5 * (level[i] + level[i + 1])
+        level = np.insert(level, i + 1, middle)
+        density = np.insert(density, i + 1, _log_density(sensed, kinds, middle))
+    share = np.exp(density - density.max()) * np.gradient(level)
+    return Noises(np.exp(level), share / share.sum(), float(density.max() + math.log(share.sum())))
+
+
+def _log_density(sensed: Sensed, kinds: Kinds, log_noise: float) -> float:
+    """Evidence times the prior of ln noise (natural logarithm)."""
+    width = PRIOR.noise_decades * math.log(10.0)
+    off = (log_noise - math.log(PRIOR.noise_per_m)) / width
+    prior = -0.5 * off**2 - math.log(width * math.sqrt(2.0 * math.pi))
+    return partitions(sensed, kinds, math.exp(log_noise)).log_evidence + prior
+
+
+class Draws(NamedTuple):
+    """Draws from the posterior of the curvature."""
+
+    s: Vector
+    """Arc length of the nodes [m] [m]."""
+    bend: np.ndarray
+    """Components of each draw [d, m, 2] [1/m]."""
+    phi: Matrix
+    """Accumulated angle of each draw [d, m] [rad]."""
+    smooth: np.ndarray
+    """True for a draw with a smooth piece [d]."""
+
+
+def sampled(sensed: Sensed, kinds: Kinds, of: Noises) -> Draws:
+    """Draw curvatures, the noise among its levels; docs/model.md (38).
+
+    The random numbers are taken in the axes of the strongest bend, so that no roll of the fibre changes an
+    angle.
+    """
+    intervals = len(sensed.s) - 1
+    each = max(2, -(-EFFORT.intervals // intervals))
+    s = rows_at(np.arange(each * intervals + 1) / each, np.arange(intervals + 1.0), sensed.s[:, None])[:, 0]
+    uniform, normal = _random_numbers(EFFORT.draws, len(sensed.s))
+    strongest = sensed.bend[np.argmax(np.linalg.norm(sensed.bend, axis=1))]
+    cos, sin = strongest / max(float(np.linalg.norm(strongest)), 1e-300)
+    turned = np.array([[cos, -sin], [sin, cos]]) if cos or sin else np.eye(2)
+    count = np.diff(np.round(EFFORT.draws * np.concatenate(([0.0], np.cumsum(of.probability)))).astype(int))
+    parts, begin = list[tuple[np.ndarray, Matrix, np.ndarray]](), 0
+    rate, bent = PRIOR.pieces / sensed.length, sensed.bend @ turned
+    for noise, share in zip(of.level, count, strict=True):
+        if share:
+            own = slice(begin, begin + share)
+            given = (sensed.s, bent, sensed.merged / noise**2)
+            parts.append(core.fibre_draws(*given, *kinds, rate, s, uniform[own], normal[own]))
+            begin += share
+    bend, phi, smooth = (np.concatenate(each) for each in zip(*parts, strict=True))
+    return Draws(s, bend @ turned.T, phi, smooth)
+
+
+@lru_cache(maxsize=4)
+def _random_numbers(draws: int, sites: int) -> tuple[Matrix, Matrix]:
+    rng = np.random.default_rng(EFFORT.seed)
+    return rng.random((draws, 2 * sites)), rng.standard_normal((draws, 8 * sites))
+
+
+def piece_means(sensed: Sensed, partition: Partition) -> tuple[Points, Vector]:
     """Mean components [k, 2] of each piece and its number of gratings [k]; a straight one has mean 0."""
-    count = np.add.reduceat(sensed.merged, joints[:-1])
+    joints, curved = partition.joints, partition.curved
+    count = np.maximum(np.add.reduceat(sensed.merged, joints[:-1]), 1e-300)
     mean = np.add.reduceat(sensed.bend * sensed.merged[:, None], joints[:-1]) / count[:, None]
     return mean * curved[:, None], count
 
 
 def piece_curvature(sensed: Sensed, partition: Partition, noise: float) -> tuple[Vector, Vector]:
-    """Curvature of each piece without the bias of a magnitude, and its variance [k]; docs/model.md (36)."""
-    mean, count = piece_means(sensed, partition.joints, partition.curved)
-    variance = noise**2 / count * partition.curved
+    """Curvature of each piece without the bias of a magnitude, and its variance [k]; docs/model.md (241)."""
+    mean, count = piece_means(sensed, partition)
+    variance = np.where(partition.curved & (count >= 1.0), noise**2 / count, 0.0)
     return np.sqrt(np.maximum(np.einsum("ij,ij->i", mean, mean) - variance, 0.0)), variance
 
 
-def angle_of_pieces(sensed: Sensed, partition: Partition, noise: float, rate: float) -> tuple[float, float]:
-    """Φ of a partition, and the variance from joints that may lie beyond the first and the last grating."""
-    kappa, _ = piece_curvature(sensed, partition, noise)
-    reach = np.array([sensed.s[0], sensed.length - sensed.s[-1]])
-    jump = kappa[[0, -1]] ** 2 + sensed.typical**2
-    beyond = np.sum(np.minimum(rate * reach, 1.0) * reach**2 / 3.0 * jump)
-    return float(kappa @ np.diff(sensed.cell[partition.joints])), float(beyond)
-
-
-def joint_variance(sensed: Sensed, partition: Partition, noise: float) -> tuple[Vector, Matrix]:
-    """Arc length and variance of each inner joint, the others held; docs/model.md (36).
+def joint_variance(sensed: Sensed, partition: Partition, noise: float) -> tuple[Vector, Vector]:
+    """Arc length and variance of each inner joint, the others held; docs/model.md (241).
 
     Returns
     -------
@@ -121,7 +284,7 @@ def joint_variance(sensed: Sensed, partition: Partition, noise: float) -> tuple[
     variance
         Its variance [m²]: the interval between the gratings, and those that could be on the other side.
     """
-    mean, _ = piece_means(sensed, partition.joints, partition.curved)
+    mean, _ = piece_means(sensed, partition)
     cell, interval = sensed.cell, np.diff(sensed.s)
     joint, variance = cell[partition.joints[1:-1]], np.zeros(len(partition.joints) - 2)
     for j in range(len(variance)):
@@ -133,117 +296,3 @@ def joint_variance(sensed: Sensed, partition: Partition, noise: float) -> tuple[
         spread = (cell[at] - cell[here]) ** 2 + interval[at - 1] ** 2 / 12.0
         variance[j] = np.sum(weight * spread) / np.sum(weight)
     return joint, variance
-
-
-class Prior(NamedTuple):
-    """How curvature wanders along the fibre."""
-
-    order: int
-    """1 for Brownian motion, 2 for the integral of one."""
-    wander: float
-    """Standard deviation of what it adds to a component over the whole fibre [1/m]."""
-    noise: float
-    """Standard deviation of one component of one grating [1/m]."""
-
-
-class Posterior(NamedTuple):
-    """Curvature components at nodes, given what was sensed."""
-
-    s: Vector
-    """Arc length of the nodes [m]."""
-    mean: Points
-    """Components [m, 2] [1/m]."""
-    covariance: Matrix
-    """Covariance of one component, the same for both [m, m] [1/m²]."""
-
-
-class Spectrum(NamedTuple):
-    """Statistics of the data from which the evidence of a prior follows, for every noise."""
-
-    values: Vector
-    """Eigenvalues of the prior covariance, rows scaled by the root of the gratings merged [1/m²]."""
-    squares: Vector
-    """Squared components of what was sensed along its eigenvectors, both summed [1/m²]."""
-    log_merged: float
-    """Sum of ln of the gratings merged."""
-
-
-def spectrum(sensed: Sensed, order: int, wander: float) -> Spectrum:
-    """Take a prior of the given order and wander [1/m] apart."""
-    from scipy.linalg import eigh
-
-    root = np.sqrt(sensed.merged)
-    scaled = _kernel(sensed, Prior(order, wander, 0.0), sensed.s, sensed.s) * root[:, None] * root
-    values, vectors = eigh(scaled)
-    along = vectors.T @ (sensed.bend * root[:, None])
-    squares = np.einsum("ij,ij->i", along, along)
-    return Spectrum(np.maximum(values, 0.0), squares, float(np.sum(np.log(sensed.merged))))
-
-
-def log_evidence(of: Spectrum, noise: float) -> float:
-    """Return ln of the evidence of a prior with noise [1/m]; docs/model.md (37)."""
-    total = of.values + noise**2
-    log_det = float(np.sum(np.log(total))) - of.log_merged
-    return -0.5 * float(np.sum(of.squares / total)) - log_det - len(total) * math.log(2 * math.pi)
-
-
-def posterior(sensed: Sensed, prior: Prior, nodes: Vector) -> Posterior:
-    """Posterior of the curvature at nodes [m] along the fibre; docs/model.md (37)."""
-    from scipy.linalg import cho_factor, cho_solve
-
-    total = _kernel(sensed, prior, sensed.s, sensed.s)
-    total[np.diag_indices_from(total)] += prior.noise**2 / sensed.merged
-    cross = _kernel(sensed, prior, nodes, sensed.s)
-    gain = cho_solve(cho_factor(total), cross.T).T
-    covariance = _kernel(sensed, prior, nodes, nodes) - gain @ cross.T
-    return Posterior(nodes, gain @ sensed.bend, 0.5 * (covariance + covariance.T))
-
-
-def _kernel(sensed: Sensed, prior: Prior, a: Vector, b: Vector) -> Matrix:
-    """Prior covariance of one component between arc lengths `a` and `b` [m]."""
-    x, y = a[:, None] / sensed.length, b[None, :] / sensed.length
-    low, high = np.minimum(x, y), np.maximum(x, y)
-    start = sensed.typical**2
-    if prior.order == 1:
-        return start + prior.wander**2 * low
-    slope = (SCALE.steepest * sensed.typical) ** 2
-    return start + slope * (x - 0.5) * (y - 0.5) + prior.wander**2 * low**2 * (3.0 * high - low) / 2.0
-
-
-def wander_nodes(sensed: Sensed, least: int) -> Vector:
-    """Nodes on which smooth curvature is evaluated: the gratings, both ends, and at least so many [m]."""
-    share = np.concatenate((np.linspace(0.0, 1.0, least + 1), sensed.s / sensed.length))
-    return sensed.length * np.unique(np.round(share, 9))
-
-
-def magnitude(smooth: Posterior) -> tuple[Vector, Matrix]:
-    """Return the expected magnitude of the curvature at the nodes and its covariance; docs/model.md (37).
-
-    The mean is that of the Rice distribution. The covariance is its Hermite series to second order: what a
-    shift of the vector does to the mean, and what two shifts do.
-    """
-    from scipy.special import i0e, i1e
-
-    square = np.einsum("ij,ij->i", smooth.mean, smooth.mean)
-    v = np.maximum(np.diag(smooth.covariance), SCALE.rounding * np.mean(square) + 1e-300)
-    size = np.sqrt(square) + 1e-12 * np.sqrt(v)
-    x = size**2 / (4.0 * v)
-    low, high = i0e(x), i1e(x)
-    slope = size * np.sqrt(math.pi / (8.0 * v)) * (low + high)
-    mean = np.sqrt(0.5 * math.pi * v) * ((1.0 + 2.0 * x) * low + 2.0 * x * high)
-    across = slope / size
-    along = (mean - size * slope) / v - across
-    unit = smooth.mean / size[:, None]
-    parallel = unit @ unit.T
-    covariance = np.outer(slope, slope) * parallel * smooth.covariance
-    both = np.outer(along, along) * parallel**2 + np.outer(across, across) * parallel**2
-    both += (np.outer(along, across) + np.outer(across, along)) * (1.0 - parallel**2)
-    return mean, covariance + 0.5 * both * smooth.covariance**2
-
-
-def angle_of_wander(smooth: Posterior) -> tuple[float, float]:
-    """Φ of a smooth posterior and its variance."""
-    kappa, covariance = magnitude(smooth)
-    weight = np.gradient(smooth.s)
-    weight[[0, -1]] *= 0.5
-    return float(accumulated(smooth.s, kappa)[-1]), max(float(weight @ covariance @ weight), 0.0)

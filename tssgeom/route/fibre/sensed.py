@@ -7,59 +7,22 @@ estimated from the curvatures themselves, and the route follows by integration.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
 from tssgeom import core
 from tssgeom.arrays import Matrix, Points, Vector, read_only, rows_at
 from tssgeom.errors import ShapeError
-from tssgeom.route.fibre.models import (
-    Partition,
-    Prior,
-    Sensed,
-    angle_of_pieces,
-    angle_of_wander,
-    average_partitions,
-    log_evidence,
-    posterior,
-    spectrum,
-    wander_nodes,
-)
-from tssgeom.route.fibre.route import fit_of_pieces, fit_of_wander
+from tssgeom.route.fibre.models import Sensed, sampled, kinds_of, noises, partitions
+from tssgeom.route.fibre.route import fit_of_draws, fit_of_pieces
 from tssgeom.route.geometry import Method
-from tssgeom.route.model_choice import log_sum, mixture_variance, model_probabilities
 from tssgeom.route.observations import Shape
 from tssgeom.route.route_fit import RouteFit
 
 MIN_GRATINGS = 3
 _MOST_CELLS = 200  # values for the estimators, whose time is quadratic; of more, neighbours are averaged
 _MOST_TURN = math.pi  # from grating to grating, beyond which the unit must be wrong [rad]
-
-
-@dataclass(frozen=True, slots=True)
-class PriorGrid:
-    """Priors over which each model of a fibre is averaged; docs/model.md (36), (37)."""
-
-    joints: tuple[float, ...] = (0.3, 1.0, 3.0, 8.0, 20.0, 50.0)
-    """Joints expected on a fibre. Chosen: even in their logarithm."""
-    wander: tuple[float, ...] = tuple(2.0**k for k in range(-2, 6))
-    """Change of a component over the fibre, in typical curvatures [1]. Chosen: even in their logarithm."""
-    noise: tuple[float, float] = (1e-3, 1.5)
-    """Bounds of an unknown noise, in typical curvatures [1]. Chosen: three decades."""
-    noise_levels: int = 9
-    """Levels of the coarse grid of the noise. Chosen."""
-    noise_tolerance: float = 0.03
-    """Error of ln of the likeliest noise [1]. Chosen: far below its standard error."""
-    negligible: float = 0.02
-    """Probability over that of the likeliest prior, below which a prior is left out [1]. Chosen: by speed."""
-    nodes: int = 80
-    """Fewest nodes on which a smooth curvature is averaged. Chosen."""
-
-
-GRID = PriorGrid()
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,23 +40,6 @@ class Fibre:
     warnings: tuple[str, ...]
 
 
-class Candidate(NamedTuple):
-    """One model of the curvatures, averaged over its priors."""
-
-    log_evidence: float
-    """ln of the evidence, averaged over the priors."""
-    angle: float
-    """Φ of the likeliest prior [rad]."""
-    mean: float
-    """Φ averaged over the priors [rad]."""
-    variance: float
-    """Variance of Φ [rad²]."""
-    noise: float
-    """Standard deviation of a curvature component [1/m]."""
-    prior: Prior
-    partition: Partition | None
-
-
 @dataclass(frozen=True, slots=True)
 class FibreFit:
     """Route of a fibre, its noise in curvature and the probabilities of both models."""
@@ -101,8 +47,10 @@ class FibreFit:
     fit: RouteFit
     curvature_noise: float
     """Standard deviation of one curvature component, known or estimated [1/m]."""
+    curvature_noise_se: float
+    """Its standard error; 0 where it is known [1/m]."""
     probability: dict[str, float]
-    """Posterior probability of pieces ("arcs"), and of smooth curvature ("spline")."""
+    """Posterior probability that no piece is smooth ("arcs"), and that one is ("spline")."""
 
 
 def clean_fibre(curvatures: Matrix, stations: Vector | None) -> Fibre:
@@ -221,10 +169,10 @@ def measure_fibre(fibre: Fibre, noise: float | None = None, method: Method = "au
 
 
 def fit_fibre(fibre: Fibre, noise: float | None = None, method: Method = "auto") -> FibreFit:
-    """Estimate the route of a fibre, as pieces of constant curvature or smooth, whichever is likelier.
+    """Estimate the route of a fibre, in pieces that are straight, of constant curvature, or smooth.
 
-    The fibre begins at the origin along z; κ_x bends it towards x, κ_y towards y. The standard error
-    of Φ holds all models, not only the selected one; docs/model.md (38).
+    The fibre begins at the origin along z; κ_x bends it towards x, κ_y towards y. Φ and its standard error
+    are those of all partitions and noises that count; docs/model.md (38).
 
     Parameters
     ----------
@@ -233,86 +181,20 @@ def fit_fibre(fibre: Fibre, noise: float | None = None, method: Method = "auto")
     noise
         Known standard deviation of a curvature component [1/m]; estimated where left out.
     method
-        "arcs" for pieces, "spline" for a smooth curvature, "auto" for the likelier; docs/model.md (38).
+        "arcs" for constant curvature in pieces, "spline" for smooth curvature, "auto" for both; (36).
     """
     sensed = _sensed(fibre, noise)
-    pieces = [as_pieces(sensed)] if method != "spline" else []
-    smooth = [as_wander(sensed, order) for order in (1, 2)] if method != "arcs" else []
-    models = pieces + smooth
-    probability = model_probabilities(np.array([one.log_evidence for one in models]))
-    best = models[int(np.argmax(probability))]
-    moments = np.array([(one.mean, one.variance) for one in models])
-    square = mixture_variance(probability, moments[:, 0], moments[:, 1], best.angle)
-    fit = (
-        fit_of_pieces(sensed, best.partition, best.noise, fibre.stations, square, best.log_evidence)
-        if best.partition is not None
-        else fit_of_wander(sensed, best.prior, fibre.stations, square, best.log_evidence)
-    )
-    share = float(probability[: len(pieces)].sum())
-    return FibreFit(fit, best.noise, {"arcs": share, "spline": 1.0 - share})
-
-
-def as_pieces(sensed: Sensed) -> Candidate:
-    """Model the curvatures by pieces of constant curvature; docs/model.md (36)."""
-    expected = [m for m in GRID.joints if m <= max(len(sensed.s) - 1, 1)]
-    rates = [m / sensed.length for m in expected]
-
-    def score(noise: float) -> float:
-        return max(average_partitions(sensed, noise, rate).log_evidence for rate in rates[1::3])
-
-    noises, share = _noises(sensed, score)
-    tried = [(noise, rate, average_partitions(sensed, noise, rate)) for noise in noises for rate in rates]
-    conditional = np.array([each.log_evidence for _, _, each in tried])
-    joint = conditional + np.repeat(share, len(rates)) - math.log(len(rates))
-    probability = model_probabilities(joint)
-    noise, rate, best = tried[int(np.argmax(conditional))]
-    angle, beyond = angle_of_pieces(sensed, best, noise, rate)
-    moments = np.array([(each.mean, each.variance) for _, _, each in tried])
-    mean = float(probability @ moments[:, 0])
-    variance = mixture_variance(probability, moments[:, 0], moments[:, 1], mean) + beyond
-    return Candidate(log_sum(joint), angle, mean, variance, noise, Prior(0, 0.0, noise), best)
-
-
-def as_wander(sensed: Sensed, order: int) -> Candidate:
-    """Model the curvatures by smooth wander; docs/model.md (37)."""
-    sizes = np.array(GRID.wander) * sensed.typical
-    spectra = [spectrum(sensed, order, size) for size in sizes]
-    noises, share = _noises(sensed, lambda noise: max(log_evidence(one, noise) for one in spectra))
-    priors = [Prior(order, size, noise) for noise in noises for size in sizes]
-    conditional = np.array([log_evidence(one, noise) for noise in noises for one in spectra])
-    joint = conditional + np.repeat(share, len(sizes)) - math.log(len(sizes))
-    probability = model_probabilities(joint)
-    used = np.flatnonzero(probability > GRID.negligible * probability.max())
-    nodes = wander_nodes(sensed, GRID.nodes)
-    angles = np.array([angle_of_wander(posterior(sensed, priors[i], nodes)) for i in used])
-    probability = model_probabilities(joint[used])
-    mean = float(probability @ angles[:, 0])
-    variance = mixture_variance(probability, angles[:, 0], angles[:, 1], mean)
-    best = int(np.argmax(conditional[used]))
-    prior = priors[used[best]]
-    return Candidate(log_sum(joint), float(angles[best, 0]), mean, variance, prior.noise, prior, None)
-
-
-def _noises(sensed: Sensed, score: Callable[[float], float]) -> tuple[Vector, Vector]:
-    """Noise levels that count [1/m] and the ln of their prior shares: the known one, else a grid.
-
-    A priori the logarithm of the noise is even over three decades; the grid is fine about the likeliest.
-    """
-    from scipy.optimize import minimize_scalar
-
-    if sensed.noise > 0.0:
-        return np.array([sensed.noise]), np.zeros(1)
-    coarse = np.log(np.geomspace(*GRID.noise, GRID.noise_levels) * sensed.typical)
-    best = coarse[int(np.argmax([score(math.exp(x)) for x in coarse]))]
-    step = coarse[1] - coarse[0]
-    bounds = (best - step, best + step)
-    options = {"xatol": GRID.noise_tolerance}
-    peak = minimize_scalar(lambda x: -score(math.exp(x)), bounds=bounds, method="bounded", options=options).x
-    near = peak + np.arange(-2, 3) / math.sqrt(len(sensed.s))
-    far = coarse[(coarse < near[0]) | (coarse > near[-1])]
-    level = np.sort(np.concatenate((far, near)))
-    share = np.gradient(level)
-    return np.exp(level), np.log(share / share.sum())
+    kinds = kinds_of(sensed, smooth=method != "arcs", pieces=method != "spline")
+    levels = noises(sensed, kinds)
+    draws, estimate = sampled(sensed, kinds, levels), levels.estimate
+    smooth = float(np.mean(draws.smooth))
+    if smooth < 0.5:
+        likeliest = partitions(sensed, kinds_of(sensed, smooth=False), estimate)
+        fit = fit_of_pieces(sensed, likeliest, estimate, fibre.stations, draws, levels.log_evidence)
+    else:
+        fit = fit_of_draws(sensed, draws, estimate, fibre.stations, levels.log_evidence)
+    se = estimate * levels.relative_se
+    return FibreFit(fit, estimate, se, {"arcs": 1.0 - smooth, "spline": smooth})
 
 
 def sensed_shape(fibre: Fibre, fit: RouteFit) -> Shape:
@@ -329,4 +211,9 @@ def _sensed(fibre: Fibre, noise: float | None) -> Sensed:
     count = np.diff(edge).astype(np.float64)
     bend = np.add.reduceat(fibre.curvatures, edge[:-1]) / count[:, None]
     s = np.add.reduceat(fibre.stations, edge[:-1]) / count
-    return Sensed(s, bend, count, fibre.length, 0.0 if noise is None else noise)
+    before, after = s[0] > 0.0, s[-1] < fibre.length
+    blank = np.zeros((1, 2))
+    bend = np.vstack((blank[: int(before)], bend, blank[: int(after)]))
+    count = np.concatenate((np.zeros(int(before)), count, np.zeros(int(after))))
+    s = np.concatenate((np.zeros(int(before)), s, np.full(int(after), fibre.length)))
+    return Sensed(s, bend, count, 0.0 if noise is None else noise)

@@ -55,6 +55,8 @@ class CheckedPoints(Checked):
     """Standard deviation of a coordinate in it; of a fibre that of its distal end [m]."""
     curvature_noise_per_m: NotRequired[float]
     """Standard deviation of a curvature of a fibre [1/m]."""
+    curvature_noise_se_per_m: NotRequired[float]
+    """Its standard error, 0 where it is stated [1/m]."""
 
 
 class RunOfCampaign(TypedDict):
