@@ -57,7 +57,7 @@ def test_draws_have_the_moments_of_the_posterior():
         assert np.sqrt(np.mean(at_sites**2, axis=0)) == pytest.approx(np.sqrt(second), rel=0.12)
 
 
-def test_angles_are_the_integral_of_the_drawn_magnitudes():
+def test_angles_are_the_integral_of_the_magnitude_of_each_draw():
     given = (*_sites(3, 6), *KINDS, RATE)
     node, (curvature, angle, _) = _draws(given, nodes_each=400, count=50)
     magnitude = np.linalg.norm(curvature, axis=2)

@@ -1,4 +1,5 @@
 #include "fibre.h"
+#include "lanes.h"
 
 #include <string.h>
 
@@ -8,7 +9,7 @@ enum { TERMS = 30 };
 
 /* Transition of the states over a step, and the covariance that it adds. */
 typedef struct {
-    double over[STATES][STATES], added[STATES][STATES], decay;
+    double over[STATES][STATES], columns[STATES][STATES], added[STATES][STATES], decay;
 } Step;
 
 /* Both components of the curvature at a site, given the sites of its piece up to there. */
@@ -68,7 +69,8 @@ static Step step_over(double h, double variance, double decay) {
     double less = exp(-decay * h);
     for (int64_t i = 0; i < STATES; i++)
         for (int64_t j = i; j < STATES; j++)
-            if (i == j || decay > 0.0) step.over[i][j] = less * pow(h, (double)(j - i)) / factorial(j - i);
+            if (i == j || decay > 0.0)
+                step.over[i][j] = step.columns[j][i] = less * pow(h, (double)(j - i)) / factorial(j - i);
     grown(variance, decay, h, step.added);
     return step;
 }
@@ -82,33 +84,27 @@ static inline void across(const Step *step, const Smooth *at, double out[STATES]
         }
 }
 
-static inline void carry(const Step *step, Smooth *at) {
-    double with[STATES][STATES], mean[STATES];
-    across(step, at, with);
-    for (int64_t a = 0; a < STATES; a++)
-        for (int64_t b = a; b < STATES; b++) {
-            double sum = step->added[a][b];
-            for (int64_t c = b; c < STATES; c++) sum += with[a][c] * step->over[b][c];
-            at->covariance[a][b] = at->covariance[b][a] = sum;
-        }
-    for (int64_t e = 0; e < 2; e++) {
-        for (int64_t a = 0; a < STATES; a++) {
-            mean[a] = 0.0;
-            for (int64_t b = a; b < STATES; b++) mean[a] += step->over[a][b] * at->mean[e][b];
-        }
-        memcpy(at->mean[e], mean, sizeof mean);
+INLINE void carry(const Step *step, Smooth *at) {
+    Lanes rows[STATES], mean[2] = {all(0.0), all(0.0)};
+    for (int64_t a = 0; a < STATES; a++) rows[a] = load(at->covariance[a]);
+    for (int64_t a = 0; a < STATES; a++) {
+        Lanes with = all(0.0), sum = load(step->added[a]);
+        for (int64_t c = a; c < STATES; c++) with += step->over[a][c] * rows[c];
+        for (int64_t c = 0; c < STATES; c++) sum += with[c] * load(step->columns[c]);
+        store(sum, at->covariance[a]);
+        for (int64_t e = 0; e < 2; e++) mean[e] += at->mean[e][a] * load(step->columns[a]);
     }
+    for (int64_t e = 0; e < 2; e++) store(mean[e], at->mean[e]);
 }
 
 /* Take in what a grating sensed; the ln likelihood is the result less ln scale. */
-static inline double observe(Smooth *at, const double bend[2], double precision, double *scale) {
-    double off[2] = {bend[0] - at->mean[0][0], bend[1] - at->mean[1][0]}, with[STATES];
+INLINE double observe(Smooth *at, const double bend[2], double precision, double *scale) {
+    double off[2] = {bend[0] - at->mean[0][0], bend[1] - at->mean[1][0]};
     double total = 1.0 + at->covariance[0][0] * precision, weight = precision / total;
-    memcpy(with, at->covariance[0], sizeof with);
-    for (int64_t a = 0; a < STATES; a++) {
-        for (int64_t e = 0; e < 2; e++) at->mean[e][a] += with[a] * weight * off[e];
-        for (int64_t b = 0; b < STATES; b++) at->covariance[a][b] -= with[a] * with[b] * weight;
-    }
+    Lanes with = load(at->covariance[0]);
+    for (int64_t e = 0; e < 2; e++) store(load(at->mean[e]) + weight * off[e] * with, at->mean[e]);
+    for (int64_t a = 0; a < STATES; a++)
+        store(load(at->covariance[a]) - weight * with[a] * with, at->covariance[a]);
     *scale *= total;
     return -0.5 * weight * (squared(off[0]) + squared(off[1]));
 }
@@ -160,7 +156,9 @@ static double forward(
                 if (last) last[entries++] = (Last){ends, k, start};
                 if (ends * likeliest[start] > best)
                     best = ends * likeliest[start], origin[j + 1] = start, kind[j + 1] = k;
-                if (!(weight * on < NEGLIGIBLE * going)) own[kept++] = own[e];
+                if (weight * on < NEGLIGIBLE * going) continue;
+                if (kept < e) own[kept] = own[e];
+                kept++;
             }
             count[k] = (double)kept;
         }
@@ -279,7 +277,7 @@ status tss_fibre_draws(
     const double precision[n], const double variance[k], const double decay[k], const double share[k],
     double rate, const double node[m], const double uniform[d][2 * n], const double normal[d][8 * n],
     double curvature[d][m][2], double angle[d][m], uint8_t smooth[d],
-    double work[3 * k * n * n + 69 * k * n + 64 * n + 4 * k]) {
+    double work[3 * k * n * n + 85 * k * n + 64 * n + 4 * k]) {
     Fibre of = {n, k, s, bend, precision, variance, decay, share, rate};
     if (n < 2 || m < 2 || (m - 1) % (n - 1)) return WRONG_SIZE;
     const int64_t each = (m - 1) / (n - 1);

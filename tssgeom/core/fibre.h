@@ -6,7 +6,7 @@ enum {
     STATES = 4, /* of a smooth component y_k = (d/ds + λ)^k κ; Matérn covariance of the order 7/2 */
     NORMALS = 2 * STATES,
     OF_PIECE = 3 + STATES * STATES + 2 * STATES, /* numbers of a piece that goes on */
-    OF_STEP = 2 * STATES * STATES + 1            /* and of a step along the fibre */
+    OF_STEP = 3 * STATES * STATES + 1            /* and of a step along the fibre */
 };
 
 /** ln of the evidence of curvatures at n sites, over all partitions into pieces of k kinds; docs/model.md (36).
@@ -34,4 +34,4 @@ ENTRY status tss_fibre_draws(
     const double precision[n], const double variance[k], const double decay[k], const double share[k],
     double rate, const double node[m], const double uniform[d][2 * n], const double normal[d][8 * n],
     OUT double curvature[d][m][2], OUT double angle[d][m], OUT uint8_t smooth[d],
-    WORK double work[3 * k * n * n + 69 * k * n + 64 * n + 4 * k]);
+    WORK double work[3 * k * n * n + 85 * k * n + 64 * n + 4 * k]);

@@ -14,7 +14,7 @@ import numpy as np
 from tssgeom import core
 from tssgeom.arrays import Matrix, Points, Vector, read_only, rows_at
 from tssgeom.errors import ShapeError
-from tssgeom.route.fibre.models import Sensed, sampled, kinds_of, noises, partitions
+from tssgeom.route.fibre.models import Sensed, kinds_of, noises, partitions, sampled
 from tssgeom.route.fibre.route import fit_of_draws, fit_of_pieces
 from tssgeom.route.geometry import Method
 from tssgeom.route.observations import Shape
