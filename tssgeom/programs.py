@@ -17,7 +17,7 @@ class _Program:
     process: subprocess.Popen[Any] | None = None
     failure: OSError | None = None
     ended: bool = False
-    _lock: threading.Lock = field(default_factory=threading.Lock)
+    _lock: threading.RLock = field(default_factory=threading.RLock)
 
     def start(self, command: Sequence[str], options: dict[str, Any]) -> None:
         with self._lock:

@@ -43,7 +43,11 @@ def sensed_route(
     FitError
         Where they give no finite curve.
     """
-    if last is None or math.hypot(last.fit.arcs.total_angle_se, last.errors.angle) < _LOST:
+    if (
+        last is None
+        or frame.curvatures is not None
+        or math.hypot(last.fit.arcs.total_angle_se, last.errors.angle) < _LOST
+    ):
         return _sensed(frame, rig, last, points)
     try:
         anew = _sensed(frame, rig, None, points)

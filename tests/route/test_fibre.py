@@ -117,7 +117,7 @@ def test_an_unknown_noise_is_within_its_standard_error():
 
 def test_a_known_noise_has_no_error():
     s = stations(18)
-    assert fit_fibre(read(half(np.random.default_rng(0))(s), s), 0.2).curvature_noise_se == 0.0
+    assert fit_fibre(read(half(np.random.default_rng(0))(s), s), 0.1).curvature_noise_se == 0.0
 
 
 def test_noise_alone_adds_no_angle_to_a_straight_fibre():
@@ -288,6 +288,13 @@ def test_thousands_of_gratings_are_averaged():
     )  # 1/m over the root of the number, and an allowance
 
 
+def test_the_noise_of_thousands_of_gratings_is_estimated_though_their_means_have_less():
+    s = stations(2000)
+    fit = fit_fibre(read(0.1 * np.random.default_rng(1).standard_normal((2000, 2)), s))
+    assert fit.curvature_noise == pytest.approx(0.1, abs=5 * fit.curvature_noise_se)
+    assert fit.fit.arcs.total_angle < 2 * fit.fit.arcs.total_angle_se
+
+
 def test_gratings_that_were_not_read_are_bridged_with_a_larger_error():
     s = stations(18)
     bend = harmonics(np.random.default_rng(9))(s)
@@ -309,6 +316,11 @@ def test_gratings_that_were_not_read_are_bridged_with_a_larger_error():
         (np.array([[0.0, np.nan], [1, 1], [1, 1]]), np.arange(3.0), "2 gratings read"),
         (np.array([[0.0, np.inf], [1, 1], [1, 1]]), np.arange(3.0), "curvature 0 is infinite"),
         (np.full((4, 2), 5000.0), 0.01 * np.arange(4.0), "check the units"),
+        (
+            np.diag([1e160, 1.0, 1.0, 1.0])[:, :2],
+            0.01 * np.arange(4.0),
+            "grating 0 has a curvature of 1e\\+160",
+        ),
     ],
 )
 def test_what_cannot_be_used_is_refused_with_the_hint(bend, s, reason):

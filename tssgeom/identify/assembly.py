@@ -21,7 +21,7 @@ from tssgeom.identify.finding import (
 )
 from tssgeom.identify.fit import Fit, Free, Point, Problem, refined
 from tssgeom.identify.law_search import LawSearch
-from tssgeom.identify.misfit import HeldOut
+from tssgeom.identify.misfit import NO_CHANGE, HeldOut
 from tssgeom.identify.screening import detection_limits, size_over_limit
 from tssgeom.identify.selection import Selection, Step, Tried, close_candidates, delta_bic, name_of, without
 from tssgeom.identify.ties import Tied, best_plans
@@ -163,7 +163,9 @@ def refused(work: Work) -> tuple[str, ...]:
     if work.laws is not None:
         offers = [(one.gain, one.label, one.veto) for one in work.laws.rounds[-1] if math.isinf(one.rise)]
     else:
-        tried = [one for one in work.chosen.steps[-1].tried if one.size > 1.0 and math.isinf(one.held.rise)]
+        last = work.chosen.steps[-1]
+        worse = [one for one in last.tried if math.isinf(one.held.rise)]
+        tried = [one for one in worse if last.passes(replace(one, held=NO_CHANGE))]
         offers = [(one.delta_bic, one.name, one.held.worse) for one in tried]
     return tuple(f"{name} was not taken: {why}." for _, name, why in sorted(offers)[-1:])
 

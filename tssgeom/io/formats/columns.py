@@ -136,8 +136,9 @@ def columns_of(
     unused = "noise" if fibre else "curvature_noise"
     read = {name for name, (field, _) in MEASURED.items() if field != unused}
     measured = tuple(name for name in names if name in read or name in OF_MACHINE)
-    if {"elongation_m", "elongation_mm"} <= set(measured):
-        raise ShapeError(f"{path}: columns elongation_m and elongation_mm are both there: keep one")
+    for pair in (("elongation_m", "elongation_mm"), ("curvature_noise_per_m", "curvature_noise_per_mm")):
+        if set(pair) <= set(measured):
+            raise ShapeError(f"{path}: columns {' and '.join(pair)} are both there: keep one")
     return Columns(
         unit,
         axes or bends,

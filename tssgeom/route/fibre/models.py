@@ -42,7 +42,7 @@ class FibrePrior:
     noise_decades: float = 0.7
     """Standard deviation of its logarithm [decades]. Chosen: 0.004 to 2.4/m in nineteen of twenty fibres."""
     noise_range: tuple[float, float] = (1e-4, 1.5)
-    """Bounds of an unknown noise, in rms curvatures [1]. Chosen."""
+    """Bounds of an unknown noise, in rms curvatures of what is fitted [1]. Chosen."""
 
 
 PRIOR = FibrePrior()
@@ -174,12 +174,14 @@ class Noises(NamedTuple):
 
     @property
     def estimate(self) -> float:
-        """The noise [1/m]: the mean of its logarithm."""
+        """The noise [1/m]: the mean of its logarithm; as stated where it is known."""
+        if len(self.level) == 1:
+            return float(self.level[0])
         return math.exp(float(self.probability @ np.log(self.level)))
 
     @property
     def relative_se(self) -> float:
-        """Standard error of its logarithm [1]."""
+        """Standard error of its logarithm [1]; 0 where it is known."""
         off = np.log(self.level / self.estimate)
         return math.sqrt(float(self.probability @ off**2))
 
@@ -190,6 +192,7 @@ def noises(sensed: Sensed, kinds: Kinds) -> Noises:
         log_evidence = partitions(sensed, kinds, sensed.noise).log_evidence
         return Noises(np.array([sensed.noise]), np.ones(1), log_evidence)
     low, high = (math.log(share * sensed.typical) for share in PRIOR.noise_range)
+    high += 0.5 * math.log(float(sensed.merged.max()))  # means are that much less noisy than a grating
     level = np.linspace(low, high, EFFORT.noise_levels)
     density = np.array([_log_density(sensed, kinds, x) for x in level])
     finest = EFFORT.level_step / math.sqrt(2.0 * float(np.count_nonzero(sensed.read)))

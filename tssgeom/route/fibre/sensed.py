@@ -13,12 +13,12 @@ import numpy as np
 
 from tssgeom import core
 from tssgeom.arrays import Matrix, Points, Vector, read_only, rows_at
-from tssgeom.errors import ShapeError
+from tssgeom.errors import FitError, ShapeError
 from tssgeom.route.fibre.models import Sensed, kinds_of, noises, partitions, sampled
 from tssgeom.route.fibre.route import fit_of_draws, fit_of_pieces
 from tssgeom.route.geometry import Method
 from tssgeom.route.observations import Shape
-from tssgeom.route.route_fit import RouteFit
+from tssgeom.route.route_fit import AGREEMENT, RouteFit
 
 MIN_GRATINGS = 3
 _MOST_CELLS = 200  # values for the estimators, whose time is quadratic; of more, neighbours are averaged
@@ -80,6 +80,7 @@ def clean_fibre(curvatures: Matrix, stations: Vector | None) -> Fibre:
     if len(observed) < MIN_GRATINGS:
         raise ShapeError(f"{len(observed)} gratings read: a fibre needs at least {MIN_GRATINGS}")
     _refuse_wrong_unit(bend[observed], s[observed])
+    _refuse_full_turns(bend, s)
     missing = int(observed[-1] - observed[0] + 1 - len(observed))
     return Fibre(
         read_only(bend[observed]),
@@ -111,11 +112,24 @@ def _checked_stations(bend: Matrix, stations: Vector | None) -> Vector:
 
 
 def _refuse_wrong_unit(bend: Matrix, s: Vector) -> None:
-    turn = float(np.median(np.linalg.norm(bend, axis=1)) * np.median(np.diff(s)))
+    turn = float(np.median(np.hypot(*bend.T)) * np.median(np.diff(s)))
     if turn > _MOST_TURN:
         raise ShapeError(
             f"the fibre turns by {turn:.3g} rad from grating to grating: "
             "check the units of curvature and station"
+        )
+
+
+def _refuse_full_turns(bend: Matrix, s: Vector) -> None:
+    """Refuse a grating whose curvature is more than a full turn over the distance to its neighbour."""
+    size, spacing = np.hypot(*bend.T), np.diff(s)
+    turn = size * np.minimum(np.append(spacing, np.inf), np.append(np.inf, spacing))
+    wrong = np.flatnonzero(turn > 2.0 * math.pi)  # missing ones are NaN
+    if wrong.size:
+        i = int(wrong[0])
+        raise ShapeError(
+            f"grating {i} has a curvature of {size[i]:.3g} per m, more than a full turn to its neighbour: "
+            "leave a wrong reading empty"
         )
 
 
@@ -182,10 +196,17 @@ def fit_fibre(fibre: Fibre, noise: float | None = None, method: Method = "auto")
         Known standard deviation of a curvature component [1/m]; estimated where left out.
     method
         "arcs" for constant curvature in pieces, "spline" for smooth curvature, "auto" for both; (36).
+
+    Raises
+    ------
+    FitError
+        Where the curvatures give no finite route, or do not determine Φ.
     """
     sensed = _sensed(fibre, noise)
     kinds = kinds_of(sensed, smooth=method != "arcs", pieces=method != "spline")
     levels = noises(sensed, kinds)
+    if not math.isfinite(levels.log_evidence):
+        raise FitError("the curvatures give no finite route: check them and their stations")
     draws, estimate = sampled(sensed, kinds, levels), levels.estimate
     smooth = float(np.mean(draws.smooth))
     if smooth < 0.5:
@@ -193,6 +214,8 @@ def fit_fibre(fibre: Fibre, noise: float | None = None, method: Method = "auto")
         fit = fit_of_pieces(sensed, likeliest, estimate, fibre.stations, draws, levels.log_evidence)
     else:
         fit = fit_of_draws(sensed, draws, estimate, fibre.stations, levels.log_evidence)
+    if not fit.arcs.total_angle_se <= AGREEMENT.largest_angle_se:
+        raise FitError("the curvatures do not determine how far the fibre turns: check for a wrong one")
     se = estimate * levels.relative_se
     return FibreFit(fit, estimate, se, {"arcs": 1.0 - smooth, "spline": smooth})
 

@@ -69,6 +69,8 @@ def _require_one_mark(path: Path, table: RawTable, k: int) -> None:
     if not all(is_number(cell) for _, cell in filled):
         return
     marked = {mark: (row, cell) for row, cell in reversed(filled) for mark in ",." if mark in cell}
+    if not marked:
+        return
     cited = " and ".join(
         f"{cell!r} ({table.number_name} {table.number[row]})" for row, cell in sorted(marked.values())
     )
