@@ -10,7 +10,7 @@ from tests import lumped
 from tssgeom.identify.machine_calibration import calibrate_machine
 from tssgeom.identify.machine_discovery import discover_machine, machine_work
 from tssgeom.identify.machine_finding import MachineCampaign
-from tssgeom.identify.machine_forecast import contradiction
+from tssgeom.identify.machine_forecast import contradiction, forecast
 from tssgeom.identify.machine_parts import parts_of
 from tssgeom.identify.machine_run import machine_run, route_of_rig
 from tssgeom.identify.machine_selection import without_part
@@ -186,14 +186,15 @@ def test_a_part_that_fails_at_the_end_of_the_runs_is_contradicted():
     chosen = work_of_play().chosen
     base, model = chosen.base, chosen.model
     assert [part.name for part in model.parts] == ["end_play"]
-    assert contradiction(base, model) == ""
+    assert contradiction(forecast(base), model) == ""
     without, with_it = (
         one.problem.answers(one.state.channels)[0]["joint_angle_rad"] for one in (base, model)
     )
     (run,) = model.problem.runs
     opposite = np.where(run.given["time_s"] > 33.0, without - with_it, 0.0)  # of what the part does
     runs = (replace(run, measured={"joint_angle_rad": run.measured["joint_angle_rad"] + 2.0 * opposite}),)
-    why = contradiction(*(replace(one, problem=replace(one.problem, runs=runs)) for one in (base, model)))
+    base, model = (replace(one, problem=replace(one.problem, runs=runs)) for one in (base, model))
+    why = contradiction(forecast(base), model)
     assert why.startswith("with it the held-out rms of joint_angle_rad is ")
     assert why.endswith("where only the first two thirds of the runs are fitted")
 

@@ -30,10 +30,12 @@ class ForecastSettings:
 FORECAST = ForecastSettings()
 
 
-def contradiction(base: FittedModel, model: FittedModel) -> str:
-    """Return which channel at the end of the runs parts make worse, in a clause; empty where none; (246)."""
-    before, after = forecast(base), forecast(model)
-    if before is None or after is None:
+def contradiction(before: FittedModel | None, model: FittedModel) -> str:
+    """Return which channel at the end of the runs parts make worse, in a clause; empty where none; (246).
+
+    `before` is the forecast without parts.
+    """
+    if before is None or (after := forecast(model)) is None:
         return ""
     clause = worse(before, after, contradicted(held_out_rises(before, after)))
     return f"{clause}, where only the first two thirds of the runs are fitted" if clause else ""

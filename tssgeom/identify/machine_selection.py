@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 
 import msgspec
 import numpy as np
@@ -27,7 +28,7 @@ from tssgeom.identify.machine_evidence import (
     worse,
 )
 from tssgeom.identify.machine_fit import fit_round, fitted_again
-from tssgeom.identify.machine_forecast import contradiction
+from tssgeom.identify.machine_forecast import contradiction, forecast
 from tssgeom.identify.machine_parameters import Parameter
 from tssgeom.identify.machine_parts import Part
 from tssgeom.identify.machine_problem import Problem
@@ -143,9 +144,10 @@ def selected_parts(
 ) -> PartSelection:
     """Choose parts as long as one passes, then take out what the others have made needless."""
     model, steps = base, list[PartStep]()
+    before = cache(lambda: forecast(base))
     for turn in range(SEARCH.most):
         progress(turn / SEARCH.most)
-        now = _forecast(base, part_step(base, model, parts, kept))
+        now = _forecast(before, part_step(base, model, parts, kept))
         steps.append(now)
         best = now.chosen
         if best is None:
@@ -173,9 +175,9 @@ def part_step(
     return PartStep(model, (*few, *tried[MACHINE_SEARCH.continued :]))
 
 
-def _forecast(base: FittedModel, now: PartStep) -> PartStep:
+def _forecast(before: Callable[[], FittedModel | None], now: PartStep) -> PartStep:
     """Refuse what would be chosen as long as it makes the end of the runs worse; docs/model.md (246)."""
-    while (best := now.chosen) is not None and (why := contradiction(base, best.model)):
+    while (best := now.chosen) is not None and (why := contradiction(before(), best.model)):
         tried = tuple(replace(one, refusal=why) if one is best else one for one in now.tried)
         now = replace(now, tried=tried)
     return now
