@@ -256,7 +256,7 @@ static double curvature_at(
     double at, double out[2]) {
     while (*near + 2 < end && of->s[*near + 1] < at) (*near)++;
     int64_t i = *near;
-    int outer = at <= of->s[start] || at >= of->s[end - 1];
+    int outer = !(at > of->s[start] && at < of->s[end - 1]); /* NaN too */
     if (at >= of->s[end - 1]) i = end - 1;
     double x = at - of->s[i], h = outer ? 1.0 : of->s[i + 1] - of->s[i], v = x / h;
     for (int64_t e = 0; e < 2; e++) {
@@ -279,7 +279,7 @@ status tss_fibre_draws(
     double curvature[d][m][2], double angle[d][m], uint8_t smooth[d],
     double work[3 * k * n * n + 85 * k * n + 64 * n + 4 * k]) {
     Fibre of = {n, k, s, bend, precision, variance, decay, share, rate};
-    if (n < 2 || m < 2 || (m - 1) % (n - 1)) return WRONG_SIZE;
+    if (n < 2 || k < 1 || m < 2 || (m - 1) % (n - 1)) return WRONG_SIZE;
     const int64_t each = (m - 1) / (n - 1);
     Last *last = (Last *)work;
     work += 3 * k * n * (n + 1) / 2 + 3;
