@@ -206,6 +206,8 @@ int64_t chain_fits(const Data *data, const Chain *chain, double last) {
     double highest = 1.0 + CHANCE.never * sqrt(2.0 / freedom);
     if (data->variance > 0.0) return chain->cost < highest * data->variance * freedom;
     double usual = most(last, squared(ROUNDING.relative * data->spacing)) * freedom;
+    double lowest = squared(CHAIN_TRACKING.exact * data->spacing) * freedom;
+    if (CHAIN_TRACKING.quieter * most(chain->cost, lowest) < usual) return 0; /* no measure of this frame */
     return chain->cost < most(PASSES.warm_noise, 1.5 * highest) * usual;
 }
 

@@ -79,6 +79,18 @@ class ChainMoves(NamedTuple):
 CHAIN_MOVES = ChainMoves()
 
 
+class TrackingLimits(NamedTuple):
+    """When the chain of the last frame is no start for this one, which is far less noisy."""
+
+    quieter: float = 100.0
+    """Noise variance of the last frame over that of this one, from which the fit begins anew [1]. Chosen."""
+    exact: float = 1e-5
+    """Noise below which two frames are equally quiet [spacings]. Chosen: below any sensor."""
+
+
+CHAIN_TRACKING = TrackingLimits()
+
+
 class IdentifiableBend(NamedTuple):
     """Which pieces have a bend that their points determine."""
 
