@@ -11,7 +11,7 @@ from pathlib import Path
 
 import msgspec
 
-from pipelines.batch.workers import report_progress, single_threaded
+from pipelines.batch.workers import report_progress
 from pipelines.figures import write_shape_figures
 from pipelines.inputs import (
     Refusal,
@@ -49,6 +49,7 @@ from tssgeom.io.storage import Folder, fetched, local
 from tssgeom.stream import Frame, Rejected
 from tssgeom.summary import RunningSummary
 from tssgeom.tendon.machine_stream import numbers_of
+from tssgeom.threads import single_threaded
 from tssgeom.view.figures.style import StyleName, choose
 from tssgeom.view.report.report import ReportEntry, rendered
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import multiprocessing
 import os
-import sys
 import tempfile
 import threading
 from collections import deque
@@ -19,11 +18,8 @@ from concurrent.futures import (
 )
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
-from functools import lru_cache
 from multiprocessing.connection import Connection
 from typing import Any, ParamSpec, TypeVar
-
-from threadpoolctl import ThreadpoolController
 
 from pipelines.interruption import end_workers, unheard
 from tssgeom.atomic import temporary_folder
@@ -175,17 +171,6 @@ def _outcome(future: Future[Done]) -> Done | WorkerLost:
     if isinstance(error, BrokenExecutor):
         return WorkerLost(_LOST_REASON)
     return WorkerLost(f"the worker failed ({type(error).__name__}: {error}): {_LOST_REASON}")
-
-
-def single_threaded() -> AbstractContextManager[object]:
-    """Let libraries of linear algebra use one thread in a `with` block: each core has its worker."""
-    return _libraries(len(sys.modules)).limit(limits=1)
-
-
-@lru_cache(maxsize=1)
-def _libraries(modules: int) -> ThreadpoolController:
-    """Find the libraries, which takes 3 ms: again only where there are more modules, which may bring one."""
-    return ThreadpoolController()
 
 
 _report: Report = lambda frames, size: None  # noqa: E731

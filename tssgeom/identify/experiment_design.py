@@ -9,7 +9,6 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from tssgeom.errors import SettingsError
 from tssgeom.identify.assembly import Work
@@ -26,6 +25,7 @@ from tssgeom.identify.selection import name_of
 from tssgeom.identify.verdict import parameter, plain
 from tssgeom.rig import Rig
 from tssgeom.statistics import NORMAL_95
+from tssgeom.threads import single_threaded
 
 _LARGE = 1000.0
 """ΔBIC beyond which a larger one adds no evidence [1]; chosen."""
@@ -54,7 +54,7 @@ def proposed(work: Work, runs: Sequence[Reading], rig: Rig, asked: Asked, seed: 
     """
     if asked.runs < 1:
         raise SettingsError(f"--propose {asked.runs}: give 1 or more")
-    with threadpool_limits(1):  # matrices are small: threads would wait for each other
+    with single_threaded():  # matrices are small
         return _proposed(work, runs, rig, asked, seed)
 
 

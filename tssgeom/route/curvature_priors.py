@@ -11,7 +11,6 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from tssgeom.arrays import Matrix, Points, Vector, rows_at
 from tssgeom.route.bounds import polygon
@@ -21,6 +20,7 @@ from tssgeom.route.ratio_average import GRID as RATIO
 from tssgeom.route.resolution import bend_without_twist, without_twist
 from tssgeom.route.route import Route, step_lengths
 from tssgeom.route.route_fit import RouteFit, Turned
+from tssgeom.threads import single_threaded
 
 
 class _Curve(NamedTuple):
@@ -92,7 +92,7 @@ def turned_between(points: Points, smooth: RouteFit, noise: float | None) -> tup
     route, arcs = smooth.route, smooth.arcs
     used, unit = route.weight > 0.0, float(route.s[-1])
     noises, price = _noises(route, noise)
-    with threadpool_limits(1):  # matrices are small: threads would wait for each other
+    with single_threaded():  # matrices are small
         curve, linear, turn = _followed(
             points[used] / unit, route.station[used] / unit, _first(route), noises, price
         )

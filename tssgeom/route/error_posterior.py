@@ -13,12 +13,12 @@ from itertools import product
 from typing import NamedTuple
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.route.resolution import LIMITS as RESOLUTION
 from tssgeom.route.resolution import left_of_waves, without_twist
 from tssgeom.route.route import Route
+from tssgeom.threads import single_threaded
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +98,7 @@ def _kernels() -> tuple[_Kernel, ...]:
     alike = [np.exp(-0.5 * ((u[:, None] - u) / length) ** 2) for length in lengths]
     routes = [_integrated(u, order) for order in GRID.orders]
     none = ((route, np.zeros_like(route), -math.inf) for route in routes)
-    with threadpool_limits(1):  # matrices are small: threads would wait for each other
+    with single_threaded():  # matrices are small
         return tuple(_kernel(*one, basis) for one in (*none, *product(routes, alike, GRID.sizes)))
 
 
