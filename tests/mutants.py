@@ -248,7 +248,7 @@ MUTANTS = (
         "tssgeom/core/arcs_summary.c", "hidden[j] * squared(length[j])", "hidden[j] * length[j]", CORE_ARCS
     ),
     Mutant("tssgeom/core/fibre.c", "on - goes_on(of, start, j + 1)", "on", FIBRE),
-    Mutant("tssgeom/core/fibre.c", "double sum = step->added[a][b];", "double sum = 0.0;", FIBRE),
+    Mutant("tssgeom/core/fibre.c", "sum = load(step->added[a]);", "sum = all(0.0);", FIBRE),
     Mutant(
         "tssgeom/core/fibre.c",
         "at->mean[e][b] += gain[b][a] * off[a]",
