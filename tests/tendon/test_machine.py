@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from msgspec.structs import replace as changed
 
-from tssgeom.effects import HiddenBend
+from tssgeom.effects import HiddenBend, SheathClearance
 from tssgeom.errors import SettingsError
 from tssgeom.mechanism import Drive, End, tip
 from tssgeom.rig import Friction, Rig, Sensor, Tendon
@@ -235,3 +235,20 @@ def test_friction_of_a_joint_makes_a_play_whose_width_follows_from_springs_alone
     np.testing.assert_allclose(out["joint_angle_rad"], gain * np.array(followed), atol=1e-6)
     assert np.ptp(motor) > 20.0 * half
     assert half > 1e-3
+
+
+@pytest.mark.parametrize("friction", [0.3, 0.5, 0.55])
+def test_a_band_that_keeps_a_millionth_of_its_tension_has_an_equilibrium(friction):
+    band = changed(
+        rig(160.0, friction),
+        tendon=Tendon(pretension_N=160.0, compliance_per_N=2e-5),
+        drive=Drive(radius_m=1.0),
+        end=End(kind="carried"),
+        effects=(SheathClearance(clearance_m_per_rad=4e-4, scale_N=0.4),),
+    )
+    wrapped = Arcs.exact(np.array([1.0]), np.array([30.0]))
+    angle = 0.04 * np.sin(np.linspace(0.0, 4.0 * PI, 200))
+    out = run(band, [wrapped], motor_angle_rad=angle)
+    slides = np.log(out["tension_in_N"] / out["tension_out_N"])
+    assert slides.max() == pytest.approx(friction * 30.0, rel=1e-6)
+    assert slides.min() == pytest.approx(-friction * 30.0, rel=1e-6)

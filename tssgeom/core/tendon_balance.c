@@ -287,7 +287,7 @@ double balance(
         double factor = wear_factor(laws, memory->travel[i]);
         room->pulling[i] = laws->pulling[i] * factor, room->releasing[i] = laws->releasing[i] * factor;
     }
-    double change = INFINITY, residual = INFINITY;
+    double change = INFINITY, residual = INFINITY, accepted = SOLVER.accepted;
     *solves = 0;
     for (int64_t done = 0; done < (one_pass ? 1 : SOLVER.passes); done++) {
         set_bars(laws, room, shares);
@@ -304,15 +304,18 @@ double balance(
                 return INFINITY;
         }
         *solves += equilibrium(c, hanging, SOLVER.from_before, SOLVER.from_guess, &residual);
-        change = 0.0;
-        for (int64_t j = 0; j <= k; j++) change = most(fabs(c->tension[j] - room->about[j]), change);
-        if (one_pass || (change <= 0.1 * SOLVER.accepted && residual <= SOLVER.accepted)) break;
+        change = 0.0, accepted = SOLVER.accepted;
+        for (int64_t j = 0; j <= k; j++) {
+            change = most(fabs(c->tension[j] - room->about[j]), change);
+            accepted = most(accepted, ROUNDING.relative * c->tension[j]); /* docs/model.md (247) */
+        }
+        if (one_pass || (change <= 0.1 * accepted && residual <= accepted)) break;
         /* after a while it swings from side to side of a bend in some law */
         int full = done < SOLVER.full_passes;
         for (int64_t j = 0; j <= k; j++)
             room->about[j] = full ? c->tension[j] : 0.5 * (room->about[j] + c->tension[j]);
         for (int64_t i = 0; i < k; i++) room->moved[i] = full ? c->w[i] : 0.5 * (room->moved[i] + c->w[i]);
     }
-    if (!(residual <= SOLVER.accepted) || !keep(laws, memory, c, shares, span)) return INFINITY;
-    return one_pass ? 0.0 : change;
+    if (!(residual <= accepted) || !keep(laws, memory, c, shares, span)) return INFINITY;
+    return one_pass ? 0.0 : change * (SOLVER.accepted / accepted);
 }
