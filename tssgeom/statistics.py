@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tssgeom.arrays import Vector
-from tssgeom.core.constants import MEDIANS
+from tssgeom.core.constants import MEDIANS, ROUNDING
 
 NORMAL_95 = 1.959964
 """Standard deviations to either side of a 95 % interval. Derived: the 97.5 % quantile of the normal law."""
@@ -48,7 +48,8 @@ def reading_noise(readings: Vector, time: Vector | None = None) -> float:
     """Return the standard deviation of the white noise of readings [n].
 
     Each reading is held against polynomials through its neighbours, the smoothest of which counts: a drive
-    that swings like a sine bends more from sample to sample than a good encoder's noise.
+    that swings like a sine bends more from sample to sample than a good encoder's noise. Where most readings
+    repeat their neighbours, the smallest step is the digit of a display: the noise is that of rounding to it.
 
     Parameters
     ----------
@@ -59,10 +60,12 @@ def reading_noise(readings: Vector, time: Vector | None = None) -> float:
     """
     when = np.arange(len(readings), dtype=float) if time is None else time
     spread = [_off_polynomial(when, readings, points) for points in _THROUGH if len(readings) > points]
-    if spread and spread[0] > 0.0:
-        return min(each for each in spread if each > 0.0)
+    rounding = ROUNDING.exact * float(np.max(np.abs(readings), initial=0.0))
+    if spread and spread[0] > rounding:
+        return min(each for each in spread if each > rounding)
     steps = np.abs(np.diff(readings))
-    return float(steps[steps > 0].min()) / np.sqrt(12.0) if (steps > 0).any() else 0.0
+    steps = steps[steps > rounding]
+    return float(steps.min()) / np.sqrt(12.0) if len(steps) else 0.0
 
 
 def _off_polynomial(time: Vector, readings: Vector, points: int) -> float:

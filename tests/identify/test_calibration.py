@@ -87,6 +87,16 @@ def test_far_off_readings_hardly_count():
     assert result.estimates["friction"].value == pytest.approx(MU, rel=0.02)
 
 
+def test_residuals_of_a_few_times_the_noise_are_warned_of():
+    run = run_of(noise=0.03)
+    wavy = run.tension_out + 0.18 * np.sin(2.0 * math.pi * TIME / 3.0)
+    result = calibrate(Measured(run.time, run.tension_in, None, wavy, run.elongation), HALF, Rig())
+    met = next(each for each in result.channels if each.name == "tension_out")
+    assert 3.0 < met.over_noise < 5.0
+    assert any("tension_out is met within" in warning for warning in result.warnings)
+    assert not any("is met within" in warning for warning in calibrate(run, HALF, Rig()).warnings)
+
+
 def test_a_pull_alone_is_warned_of():
     result = calibrate(run_of(noise=0.03, tension=TENSION[:150]), HALF, Rig())
     assert any("never turns back" in warning for warning in result.warnings)
