@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
-from tests.twins.mechanisms import LENGTH_M, MARKER_M, SEGMENT_DEG, Given
+from tests.twins.mechanisms import LENGTH_M, MARKER_M, SEGMENT_DEG, Given, MachineScenario
+from tssgeom.adapt.follower import Follower
+from tssgeom.adapt.machine_readings import MachineReadings
 from tssgeom.mechanism import Drive, End
 from tssgeom.rig import Friction, Rig, Sensor, Tendon
 from tssgeom.route.pieces import Arcs
@@ -35,3 +39,18 @@ def rig_of(machine: Given, *, friction_hourly: float = 1.5) -> Rig:
         sensors={name: Sensor(noise=noise) for name, noise in machine.noise.items()},
         adapt={"friction.coefficient": friction},
     )
+
+
+_SLICES = 8
+"""Slices of work that a stream of 50 Hz has time for after a frame."""
+
+
+def followed(scenario: MachineScenario, follower: Follower) -> Iterator[float]:
+    """Yield the time of each frame, once it is taken in and the work is done that no frame waits for [s]."""
+    arcs = arcs_of(scenario.machine)
+    for i, now in enumerate(scenario.times):
+        readings = MachineReadings({name: float(one[i]) for name, one in scenario.readings.items()})
+        follower.take(arcs, readings, float(now))
+        for _ in range(_SLICES):
+            follower.work()
+        yield float(now)

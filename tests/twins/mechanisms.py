@@ -221,3 +221,24 @@ def segment(
 
 SCENARIOS: dict[str, Callable[..., MachineScenario]] = {"pair": pair, "joint": joint, "segment": segment}
 """Machines whose friction drifts, each by (seed, seconds)."""
+
+FAULT_S, RISE_S = 12.0, 0.1  # when a fault begins, and how long it takes
+_STEPS = {"wet_sheath": ("friction", 0.5), "frayed_tendon": ("compliance", 1.6)}
+FAULTS = (*_STEPS, "unplugged")
+"""Faults of a machine, for `with_fault`."""
+UNPLUGGED = {"pair": "motor_torque_Nm", "joint": "joint_angle_rad", "segment": "tension_in_2_N"}
+"""The sensor of each kind that reads zero once it is unplugged."""
+
+
+def with_fault(kind: str, seed: int, seconds: float, fault: str) -> MachineScenario:
+    """Return a machine whose friction drifts, and which has a fault after `FAULT_S`."""
+    make = SCENARIOS[kind]
+    if fault in _STEPS:
+        of, factor = _STEPS[fault]
+        step = Change(of, np.array([FAULT_S, FAULT_S + RISE_S]), np.array([1.0, factor]))
+        return make(seed, seconds, changes=(drift(seed, seconds), step))
+    scenario = make(seed, seconds)
+    name, late = UNPLUGGED[kind], scenario.times >= FAULT_S
+    return scenario._replace(
+        readings={**scenario.readings, name: np.where(late, 0.0, scenario.readings[name])}
+    )
