@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from tssgeom.effects import Backlash, LoadDependentFriction, TensionInGain, TensionOutOffset
+from tssgeom.identify import prediction
+from tssgeom.identify.drive_noise import sampled_drives
 from tssgeom.identify.fit import base_fit
 from tssgeom.identify.machine_evidence import contradicted
 from tssgeom.identify.misfit import _is_worse, held_out
@@ -77,3 +79,25 @@ def test_a_part_too_small_to_be_measured_is_not_contradicted(clean):
     rises = [held.rise(at, with_part(at, LoadDependentFriction(exponent=size))) for size in (-1e-3, 1e-3)]
     assert max(rises) < 1.96**2  # no contradiction
     assert min(rises) < 0.0  # one of both signs is nearer to the readings
+
+
+def test_a_model_is_simulated_once_however_often_it_is_asked_for(clean, monkeypatch):
+    held, at = clean
+    part, simulations = with_part(at, TensionInGain(gain_error=0.01)), []
+    whole = prediction.run_channels
+    counted = lambda *args, **options: simulations.append(1) or whole(*args, **options)  # noqa: E731
+    monkeypatch.setattr(prediction, "run_channels", counted)
+    fresh = replace(held, simulated={})
+    changes = [fresh.change(at, replace(at), part) for _ in range(3)]
+    assert len(simulations) == 2 * len(held.problem.stack.readings)
+    assert changes == [held.change(at, at, part)] * 3
+
+
+def test_all_models_share_the_sampled_drives(clean):
+    reading = clean[0].problem.stack.readings[0]
+    drive, noise = reading.given[reading.drive], reading.noise[reading.drive]
+    first = sampled_drives(drive, noise, reading.time)
+    assert sampled_drives(drive.copy(), noise, reading.time) is first
+    other = sampled_drives(drive + noise, noise, reading.time)
+    assert np.abs(first.denoised - first.true).max() > 0.1 * noise
+    assert np.allclose(other.true - noise, first.true, atol=1e-9)

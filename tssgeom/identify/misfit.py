@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.stats import norm
@@ -85,6 +85,8 @@ class HeldOut:
     """Rms of what the sensors explain, by channel [N, m]."""
     before: float
     """Misfit of the base model [1]."""
+    simulated: dict[Point, Vector | None] = field(default_factory=dict, repr=False)
+    """What models leave [rows] [N, m], by model: most are asked for more than once."""
 
     def misfit(self, at: Point) -> float:
         """Return the misfit that a model leaves [1]; infinite where it finds no equilibrium."""
@@ -99,7 +101,7 @@ class HeldOut:
         Source: docs/model.md (119), (244), (245).
         """
         made = self._change(before, after)
-        if base is before or math.isinf(made.rise):
+        if not before.effects or math.isinf(made.rise):
             return made
         whole = self._change(base, after)
         return whole if math.isinf(whole.rise) else made
@@ -126,10 +128,12 @@ class HeldOut:
 
     def _left(self, at: Point) -> Vector | None:
         """Return measured less simulated [rows] [N, m]; None where a model finds no equilibrium."""
-        try:
-            return self.problem.left(at)
-        except FitError:
-            return None
+        if at not in self.simulated:
+            try:
+                self.simulated[at] = self.problem.left(at)
+            except FitError:
+                self.simulated[at] = None
+        return self.simulated[at]
 
     def _chi2(self, at: Point) -> float:
         """Return the whitened squares that a model leaves, outliers by Huber's loss; infinite as `misfit`."""

@@ -14,7 +14,7 @@ import numpy as np
 
 from tssgeom.arrays import Matrix, Vector, read_only
 from tssgeom.effects import AnyEffect
-from tssgeom.identify.drive import blunted, calmed, hold, turn_levels, turning_points
+from tssgeom.identify.drive_noise import sampled_drives
 from tssgeom.identify.readings import Reading
 from tssgeom.rig import Rig, Sensor
 from tssgeom.route.pieces import Arcs
@@ -42,15 +42,10 @@ class NoiseModelSettings:
     """Directions of the covariance of a route that count; chosen."""
     smoothed: float = 3.0
     """Over the median s.d. of a channel: a less exact reading is left out of its rms [1]; chosen."""
-    draws: int = 8
-    """Draws of the noise of the drive; chosen: its s.d. is known to 25 %."""
-    soft: int = 3
-    """Samples over which a hold may begin and end; chosen on development seeds."""
 
 
 NOISE = NoiseModelSettings()
 _UNIFORM_SD = 1.0 / math.sqrt(12.0)  # of the change about a sharp turn: it lies anywhere between two samples
-_SEED = 20  # of the draws; any, but the same in all fits of a campaign
 
 FINE = 240
 """Bars of the run that shows what too few bars make wrong; its elongation is right to 1e-5."""
@@ -144,37 +139,17 @@ def errors_of(stack: Stack, rig: Rig, effects: Sequence[AnyEffect] = ()) -> Erro
 
 def _from_drive(reading: Reading, rig: Rig, effects: Sequence[AnyEffect]) -> dict[str, Vector]:
     """Return the error of a channel for a new sample of the drive's noise, denoised; docs/model.md (100)."""
-    drive, noise = reading.given[reading.drive], reading.noise[reading.drive]
-    rng, holds = np.random.default_rng(_SEED), _holds(drive, noise)
-    soft, blunt = _softened(drive, [hold(drive, 0, noise), *holds]) - drive, blunted(drive, holds)
-    square, jump = ({name: np.zeros(len(drive)) for name in reading.measured} for _ in range(2))
-    for _ in range(NOISE.draws):
-        read = drive + rng.uniform() * soft
-        truth = run_channels(reading, rig, effects, drive=read + rng.uniform() * blunt)
-        again = calmed(read + noise * rng.standard_normal(len(drive)), noise, reading.time)
-        answer = run_channels(reading, rig, effects, drive=again + (drive[0] - again[0]))
+    drives = sampled_drives(reading.given[reading.drive], reading.noise[reading.drive], reading.time)
+    square, jump = ({name: np.zeros(len(reading.time)) for name in reading.measured} for _ in range(2))
+    for one, other in zip(drives.true, drives.denoised, strict=True):
+        truth, answer = (run_channels(reading, rig, effects, drive=each) for each in (one, other))
         for name in square:
-            square[name] += np.square(answer[name] - truth[name]) / NOISE.draws
+            square[name] += np.square(answer[name] - truth[name]) / len(drives.true)
             jump[name] = np.maximum(jump[name], _jump(truth[name]))
-    beside = _beside_turns(drive, holds)
     return {
-        name: np.hypot(np.sqrt(_spread(each)), _UNIFORM_SD * beside * jump[name])
+        name: np.hypot(np.sqrt(_spread(each)), _UNIFORM_SD * drives.beside_turns * jump[name])
         for name, each in square.items()
     }
-
-
-def _holds(drive: Vector, noise: float) -> list[tuple[int, int]]:
-    """Return the first sample of each turn and the one behind its last; a sharp turn is one sample long."""
-    return [hold(drive, sample, noise) for sample in turning_points(drive, noise)]
-
-
-def _beside_turns(drive: Vector, holds: Sequence[tuple[int, int]]) -> Vector:
-    """Return 1 at each sharp turn and its neighbours, else 0: between which samples it lies is unsure."""
-    out = np.zeros(len(drive))
-    for start, stop in holds:
-        if stop - start == 1:
-            out[max(start - 1, 0) : start + 2] = 1.0
-    return out
 
 
 def _jump(values: Vector) -> Vector:
@@ -186,23 +161,6 @@ def _jump(values: Vector) -> Vector:
 def _spread(values: Vector) -> Vector:
     """Return means over neighbouring samples: a few draws give each of them badly."""
     return np.convolve(np.pad(values, 1, "edge"), np.full(3, 1.0 / 3.0), "valid")
-
-
-def _softened(drive: Vector, holds: Sequence[tuple[int, int]]) -> Vector:
-    """Return a drive whose holds begin late and end early by less than its noise would show.
-
-    After a turn friction answers to a motion of a tenth of a micrometre, which no reading shows.
-    """
-    out = drive.copy()
-    means = np.convolve(
-        np.pad(drive, NOISE.soft, "edge"), np.full(2 * NOISE.soft + 1, 1.0 / (2 * NOISE.soft + 1)), "valid"
-    )
-    for start, stop in holds:
-        if stop - start > 2 * NOISE.soft:
-            for edge in (start, stop):
-                near = slice(max(edge - NOISE.soft, 0), edge + NOISE.soft)
-                out[near] = means[near]
-    return out
 
 
 def _all_modes(
@@ -261,8 +219,8 @@ def _of_drive(stack: Stack, k: int, rig: Rig, effects: Sequence[AnyEffect]) -> I
     reading = stack.readings[k]
     drive, noise = reading.given[reading.drive], reading.noise[reading.drive]
     yield f"zero of the drive of {reading.name}", _moved(stack, k, rig, effects, np.full(len(drive), noise))
-    for sample, plateau, sd in turn_levels(drive, noise):
-        yield f"turn {sample} of {reading.name}", _moved(stack, k, rig, effects, sd * plateau)
+    for sample, plateau in sampled_drives(drive, noise, reading.time).turns:
+        yield f"turn {sample} of {reading.name}", _moved(stack, k, rig, effects, plateau)
 
 
 def _moved(stack: Stack, k: int, rig: Rig, effects: Sequence[AnyEffect], by: Vector) -> Vector:
