@@ -276,12 +276,29 @@ def whitening(errors: Errors) -> Whitening:
 
 
 def base_fit(readings: Sequence[Reading], rig: Rig) -> tuple[Problem, Errors, Fit]:
-    """Fit friction and compliance to the runs; errors and bars are those of a first fit."""
+    """Fit friction and compliance to the runs; errors and bars are those of a first fit.
+
+    Where that leaves more than the sensors explain, a first fit without shared errors is tried too, and the
+    better of both counts; (247).
+    """
     stack = stacked(readings)
-    at = Point(max(rig.friction.coefficient, 1e-3), rig.tendon.compliance_per_N)
-    at = refined(posed(stack, rig, at)[0], at).at
+    start = Point(max(rig.friction.coefficient, 1e-3), rig.tendon.compliance_per_N)
+    first, errors = posed(stack, rig, start)
+    best = _fitted_again(refined(first, start).at, stack, rig)
+    if explained(best[2].chi2, stack.size):
+        return best
+    alone = refined(replace(first, whitening=unshared(errors.sigma)), start).at
+    return min(best, _fitted_again(alone, stack, rig), key=lambda each: each[2].chi2)
+
+
+def _fitted_again(at: Point, stack: Stack, rig: Rig) -> tuple[Problem, Errors, Fit]:
     problem, errors = posed(stack, rig, at)
     return problem, errors, refined(problem, at)
+
+
+def explained(chi2: float, rows: int) -> bool:
+    """Whether a model leaves no more of the readings than the sensors explain."""
+    return chi2 < rows + CHANCE.clear * math.sqrt(2.0 * rows)
 
 
 def posed(stack: Stack, rig: Rig, at: Point) -> tuple[Problem, Errors]:

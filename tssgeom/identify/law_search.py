@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tssgeom.errors import FitError, SettingsError
-from tssgeom.identify.fit import Fit, Point, Problem, freed
+from tssgeom.identify.fit import Fit, Point, Problem, explained, freed
 from tssgeom.identify.law_fit import LawFit, Term, fitted, score
 from tssgeom.identify.mechanisms import MECHANISM_OF, Mechanism, mechanisms
 from tssgeom.identify.misfit import HeldOut
@@ -22,7 +22,7 @@ from tssgeom.identify.screening import (
     detected_size,
     screening,
 )
-from tssgeom.identify.selection import SEARCH, explained, name_of, without
+from tssgeom.identify.selection import SEARCH, name_of, without
 from tssgeom.least_squares import SOLVER
 from tssgeom.statistics import EVIDENCE_SCALE
 

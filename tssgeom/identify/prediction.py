@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -123,33 +124,54 @@ class Errors:
     """[rows, k] Shared errors, each at one standard deviation, over sigma [1]."""
     names: tuple[str, ...]
     """Of the modes; the same name in two stacks is the same error."""
+    brief: Vector
+    """[rows] The part of sigma that is new in each sample [N, m]."""
+    lasting: Matrix
+    """[rows, draws] Samples of the rest of it, the error of the denoised drive, which lasts [N, m]."""
 
 
 def errors_of(stack: Stack, rig: Rig, effects: Sequence[AnyEffect] = ()) -> Errors:
     """Return what sensors of this specification may read off the truth, about this model."""
     base = simulated(stack, rig, effects)
-    drive = stack.flat([_from_drive(reading, rig, effects) for reading in stack.readings])
-    sigma = np.hypot(stack.noise, drive)
+    of_drive = [_from_drive(reading, rig, effects) for reading in stack.readings]
+    lasting = np.column_stack(
+        [stack.flat(draw) for draw in zip(*(each.lasting for each in of_drive), strict=True)]
+    )
+    brief = np.hypot(stack.noise, stack.flat([each.brief for each in of_drive]))
+    sigma = np.hypot(brief, stack.flat([each.spread for each in of_drive]))
     shared: dict[str, Vector] = {}
     for name, mode in _all_modes(stack, rig, effects, base):
         shared[name] = shared.get(name, 0.0) + mode
     modes = np.column_stack([mode / sigma for mode in shared.values()])
-    return Errors(read_only(sigma), modes, tuple(shared))
+    return Errors(read_only(sigma), modes, tuple(shared), brief, lasting)
 
 
-def _from_drive(reading: Reading, rig: Rig, effects: Sequence[AnyEffect]) -> dict[str, Vector]:
-    """Return the error of a channel for a new sample of the drive's noise, denoised; docs/model.md (100)."""
+class _OfDrive(NamedTuple):
+    """Errors of the channels of a run [n] [N, m] from that of its drive."""
+
+    lasting: list[dict[str, Vector]]
+    """[draws]"""
+    spread: dict[str, Vector]
+    """Root mean square of those."""
+    brief: dict[str, Vector]
+    """Since sharp turns lie between samples."""
+
+
+def _from_drive(reading: Reading, rig: Rig, effects: Sequence[AnyEffect]) -> _OfDrive:
+    """Return the errors of each channel for new noise of the drive, denoised; docs/model.md (100)."""
     drives = sampled_drives(reading.given[reading.drive], reading.noise[reading.drive], reading.time)
-    square, jump = ({name: np.zeros(len(reading.time)) for name in reading.measured} for _ in range(2))
+    jump, lasting = (
+        {name: np.zeros(len(reading.time)) for name in reading.measured},
+        list[dict[str, Vector]](),
+    )
     for one, other in zip(drives.true, drives.denoised, strict=True):
         truth, answer = (run_channels(reading, rig, effects, drive=each) for each in (one, other))
-        for name in square:
-            square[name] += np.square(answer[name] - truth[name]) / len(drives.true)
-            jump[name] = np.maximum(jump[name], _jump(truth[name]))
-    return {
-        name: np.hypot(np.sqrt(_spread(each)), _UNIFORM_SD * drives.beside_turns * jump[name])
-        for name, each in square.items()
-    }
+        lasting.append({name: answer[name] - truth[name] for name in jump})
+        jump = {name: np.maximum(most, _jump(truth[name])) for name, most in jump.items()}
+    square = {name: np.mean([np.square(draw[name]) for draw in lasting], axis=0) for name in jump}
+    spread = {name: np.sqrt(_spread(each)) for name, each in square.items()}
+    brief = {name: _UNIFORM_SD * drives.beside_turns * most for name, most in jump.items()}
+    return _OfDrive(lasting, spread, brief)
 
 
 def _jump(values: Vector) -> Vector:

@@ -215,12 +215,17 @@ def threshold(problem: Problem, errors: Errors, screening: Screening, seed: int)
 
 
 def _clean(problem: Problem, errors: Errors, rng: np.random.Generator) -> Matrix:
-    """Residuals of clean campaigns [rows, draws] [N, m]."""
+    """Residuals of clean campaigns [rows, draws] [N, m]; what the drive's noise adds to them lasts, (248)."""
     size = problem.stack.size
     plotted = np.array([0.0 if name.startswith("bend ") else 1.0 for name in errors.names])
     weight = plotted[:, None] * rng.standard_normal((len(plotted), DETECTION.draws))
-    out = rng.standard_normal((size, DETECTION.draws)) + errors.modes @ weight
-    out *= errors.sigma[:, None]
+    out = errors.sigma[:, None] * (errors.modes @ weight)
+    out += errors.brief[:, None] * rng.standard_normal((size, DETECTION.draws))
+    samples = errors.lasting.shape[1]
+    for run in range(len(problem.stack.readings)):
+        rows = np.concatenate([np.r_[block.rows] for block in problem.stack.blocks if block.run == run])
+        weight = rng.standard_normal((samples, DETECTION.draws)) / math.sqrt(samples)
+        out[rows] += errors.lasting[rows] @ weight
     for name in dict.fromkeys(block.channel for block in problem.stack.blocks):
         out += _bends(problem, name, rng)
     return out

@@ -9,10 +9,9 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from tssgeom.core.constants import CHANCE
 from tssgeom.effects import AnyEffect, snake
 from tssgeom.errors import FitError
-from tssgeom.identify.fit import Fit, Point, Problem, posed, refined
+from tssgeom.identify.fit import Fit, Point, Problem, explained, posed, refined
 from tssgeom.identify.misfit import NO_CHANGE, HeldOut, HeldOutChange
 from tssgeom.identify.prediction import Errors
 from tssgeom.identify.screening import (
@@ -138,11 +137,6 @@ def _quiet(problem: Problem, before: Fit, tests: Sequence[ScoreTest], least: flo
     rows = problem.stack.size
     most = max((test.gain - math.log(rows) * len(test.variant.free) for test in tests), default=0.0)
     return explained(before.chi2, rows) and most < least - SEARCH.nonlinear
-
-
-def explained(chi2: float, rows: int) -> bool:
-    """Whether a model leaves no more of the readings than the sensors explain."""
-    return chi2 < rows + CHANCE.clear * math.sqrt(2.0 * rows)
 
 
 def _best_each(tried: Sequence[Tried]) -> list[Tried]:

@@ -25,7 +25,7 @@ from tssgeom.identify.attribution import along_routes, heat_map, missing_shapes,
 from tssgeom.identify.campaign import Campaign
 from tssgeom.identify.experiment_design import proposed
 from tssgeom.identify.finding import Finding
-from tssgeom.identify.fit import Fit, Problem, base_fit, columns, posed
+from tssgeom.identify.fit import Fit, Problem, base_fit, columns, explained, posed
 from tssgeom.identify.law_finding import law_candidates, law_ranking
 from tssgeom.identify.law_fit import LawFit
 from tssgeom.identify.law_search import as_fit, needed, searched
@@ -34,7 +34,7 @@ from tssgeom.identify.prediction import Errors, stacked
 from tssgeom.identify.proposal import Asked
 from tssgeom.identify.readings import Reading, readings
 from tssgeom.identify.screening import detection_limits, variants
-from tssgeom.identify.selection import explained, name_of, selected
+from tssgeom.identify.selection import name_of, selected
 from tssgeom.identify.ties import base_ties, ties_of, unobservable
 from tssgeom.identify.verdict import judged, judged_laws, sentence
 from tssgeom.tendon.bars.model import Drive
