@@ -7,6 +7,7 @@ import pytest
 from msgspec.structs import replace as changed
 
 from tests.bristle import make_campaign
+from tssgeom.identify.drive_noise import sampled_drives
 from tssgeom.identify.fit import base_fit
 from tssgeom.identify.readings import readings
 from tssgeom.identify.screening import screening, threshold, variants
@@ -41,3 +42,22 @@ def test_errors_of_the_drive_that_last_raise_what_clean_campaigns_reach(wide_rou
     brief = replace(errors, brief=errors.sigma, lasting=0.0 * shape)
     lasting = replace(errors, brief=0.0 * errors.sigma, lasting=shape)
     assert threshold(problem, lasting, tests, 0) > 10.0 * threshold(problem, brief, tests, 0)
+
+
+def test_a_drive_may_leave_a_hold_on_a_way_that_its_noise_hides():
+    noise = 2e-6
+    drive = np.maximum(np.arange(40) - 19.0, 0.0) * 1e-5
+    ((sample, way),) = sampled_drives(drive, noise, np.arange(40.0)).leaving
+    assert sample == 0
+    assert np.all(way[:10] == 0.0)
+    assert np.all(np.diff(way[10:20]) > 0.0)
+    assert noise < way[19] < 3.0 * noise
+    assert np.all(way[20:] == 0.0)  # the leg is farther at once
+
+
+def test_a_slow_way_out_of_a_hold_is_no_misfit(tmp_path):
+    make_campaign(tmp_path / "slow", 2004)
+    campaign = read_campaign(tmp_path / "slow")
+    runs = [run for run in readings(campaign)[0] if not run.held_out]
+    problem, _, fit = base_fit(runs, campaign.rig)
+    assert fit.chi2 < 1.05 * problem.stack.size  # 1.9 times as much without those ways

@@ -6,6 +6,7 @@ They depend on the readings alone, so that all models of a campaign share them. 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -14,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tssgeom.arrays import Matrix, Vector, read_only
-from tssgeom.identify.drive import blunted, calmed, hold, turn_levels, turning_points
+from tssgeom.identify.drive import DRIVE, blunted, calmed, hold, turn_levels, turning_points
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,6 +46,8 @@ class SampledDrives(NamedTuple):
     """[n] 1 at sharp turns and their neighbours, else 0."""
     turns: tuple[tuple[int, Vector], ...]
     """Sample of each turn, and [n] one standard deviation of its level."""
+    leaving: tuple[tuple[int, Vector], ...]
+    """First sample of each hold, and [n] how far the drive may leave it early, at one standard deviation."""
 
 
 def sampled_drives(drive: Vector, noise: float, time: Vector) -> SampledDrives:
@@ -73,7 +76,9 @@ def _sampled(of_drive: bytes, of_time: bytes, noise: float) -> SampledDrives:
         denoised[k] = again + (drive[0] - again[0])
     turns = tuple((sample, read_only(sd * plateau)) for sample, plateau, sd in turn_levels(drive, noise))
     beside = read_only(_beside_turns(drive, holds))
-    return SampledDrives(read_only(true), read_only(denoised), beside, turns)
+    rests = [each for each in (hold(drive, 0, noise), *holds) if each[1] - each[0] > 1]
+    leaving = tuple((each[0], _leaving(drive, each, noise)) for each in rests)
+    return SampledDrives(read_only(true), read_only(denoised), beside, turns, leaving)
 
 
 def _holds(drive: Vector, noise: float) -> list[tuple[int, int]]:
@@ -103,3 +108,18 @@ def _softened(drive: Vector, holds: Sequence[tuple[int, int]]) -> Vector:
                 near = slice(max(edge - DRIVE_NOISE.soft, 0), edge + DRIVE_NOISE.soft)
                 out[near] = means[near]
     return out
+
+
+def _leaving(drive: Vector, held: tuple[int, int], noise: float) -> Vector:
+    """Return what is added to a drive that leaves a hold early, hidden by noise; docs/model.md (249)."""
+    start, stop = held
+    first = (start + stop) // 2
+    way = np.square(np.arange(1.0, stop - first + 1) / (stop - first))
+    most = DRIVE.flat / math.sqrt(3.0) * noise / math.sqrt(float(np.square(way).sum()))
+    sign = 1.0 if drive[min(stop, len(drive) - 1)] >= drive[stop - 1] else -1.0
+    out = np.zeros(len(drive))
+    out[first:stop] = sign * most * way
+    gone = sign * (drive[stop:] - drive[stop - 1])  # until the drive itself is farther
+    near = int(np.argmax(gone > most)) if np.any(gone > most) else len(gone)
+    out[stop : stop + near] = sign * (most - gone[:near])
+    return read_only(out)

@@ -190,7 +190,7 @@ def _all_modes(
 ) -> Iterator[tuple[str, Vector]]:
     yield from _of_sensors(stack, rig, base)
     for k in range(len(stack.readings)):
-        yield from _of_drive(stack, k, rig, effects)
+        yield from _of_drive(stack, k, rig, effects, base)
     yield from _of_routes(stack, rig, effects, base)
 
 
@@ -236,13 +236,19 @@ def _put(stack: Stack, rows: slice, values: Vector) -> Vector:
     return out
 
 
-def _of_drive(stack: Stack, k: int, rig: Rig, effects: Sequence[AnyEffect]) -> Iterator[tuple[str, Vector]]:
-    """Yield the zero of the drive, and the level of each of its turns; docs/model.md (102)."""
+def _of_drive(
+    stack: Stack, k: int, rig: Rig, effects: Sequence[AnyEffect], base: Vector
+) -> Iterator[tuple[str, Vector]]:
+    """Yield zero of the drive, levels of its turns, and how it leaves holds; docs/model.md (102), (249)."""
     reading = stack.readings[k]
     drive, noise = reading.given[reading.drive], reading.noise[reading.drive]
+    drives = sampled_drives(drive, noise, reading.time)
     yield f"zero of the drive of {reading.name}", _moved(stack, k, rig, effects, np.full(len(drive), noise))
-    for sample, plateau in sampled_drives(drive, noise, reading.time).turns:
+    for sample, plateau in drives.turns:
         yield f"turn {sample} of {reading.name}", _moved(stack, k, rig, effects, plateau)
+    for sample, way in drives.leaving:
+        channels = run_channels(reading, rig, effects, drive=drive + way)
+        yield f"leaving {sample} of {reading.name}", _beyond(stack, k, channels, base)
 
 
 def _moved(stack: Stack, k: int, rig: Rig, effects: Sequence[AnyEffect], by: Vector) -> Vector:
@@ -251,6 +257,15 @@ def _moved(stack: Stack, k: int, rig: Rig, effects: Sequence[AnyEffect], by: Vec
     drive = reading.given[reading.drive]
     low, high = (run_channels(reading, rig, effects, drive=drive + sign * by) for sign in (-1.0, 1.0))
     return _difference(stack, k, low, high, 0.5)
+
+
+def _beyond(stack: Stack, k: int, channels: Mapping[str, Vector], base: Vector) -> Vector:
+    """Return what channels of a run are beyond those of the model [rows]."""
+    out = np.zeros(stack.size)
+    for block in stack.blocks:
+        if block.run == k:
+            out[block.rows] = channels[block.channel][block.kept] - base[block.rows]
+    return out
 
 
 def _difference(stack: Stack, k: int, low: dict, high: dict, factor: float) -> Vector:
@@ -272,10 +287,7 @@ def _of_routes(
             out = np.zeros(stack.size)
             for k, reading in enumerate(stack.readings):
                 if reading.route.name == name:
-                    channels = run_channels(reading, rig, effects, arcs=arcs)
-                    for block in stack.blocks:
-                        if block.run == k:
-                            out[block.rows] = channels[block.channel][block.kept] - base[block.rows]
+                    out += _beyond(stack, k, run_channels(reading, rig, effects, arcs=arcs), base)
             yield f"direction {m} of {name}", out
 
 

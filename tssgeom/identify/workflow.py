@@ -80,12 +80,10 @@ def discover(
         report("trying laws of their own", _LAWS_AT)
         bent = work.judged.bent
         work = _with_laws(campaign, started.runs, work, report)
-        if not bent and (work.judged.verdict == "unknown" or work.judged.reason):
-            report("trying the tension as drive", 0.75)
-            other = _by_tension(campaign, started)
-            again = None if other is None else _worked(campaign, other, seed)
-            if other is not None and again is not None and _explains(again):
-                started, work = other, again
+        other = None if bent else _by_tension(campaign, started, work, report)
+        again = None if other is None else _worked(campaign, other, seed)
+        if other is not None and again is not None and _explains(again):
+            started, work = other, again
     report("mapping where they disagree", 0.8)
     attribution = _attribution(started.runs, campaign, started.base)
     report("putting it together", 0.9)
@@ -119,14 +117,28 @@ def _started(campaign: Campaign, drive: Drive | None) -> _Started:
     return _Started(runs, notes, problem, errors, base)
 
 
-def _by_tension(campaign: Campaign, started: _Started) -> _Started | None:
-    """Start from the tension as drive where the position leaves more than the sensors explain."""
-    runs = started.runs
-    if explained(started.base.chi2, started.problem.stack.size) or runs[0].drive == "tension_in_N":
+def _by_tension(
+    campaign: Campaign, started: _Started, work: Work, report: Callable[[str, float], None]
+) -> _Started | None:
+    """Start from the tension as drive where the position leaves more than the sensors explain.
+
+    Where a part was found with the position, only if the tension needs none.
+    """
+    runs, rows = started.runs, started.problem.stack.size
+    fit = work.chosen.fit if work.laws is None else work.laws.fit
+    found = work.judged.verdict != "unknown" and not work.judged.reason
+    if (
+        runs[0].drive == "tension_in_N"
+        or explained(started.base.chi2, rows)
+        or (found and explained(fit.chi2, rows))
+    ):
         return None
     if any("tension_in_N" not in run.measured or len(run.measured) < 2 for run in runs):
         return None
+    report("trying the tension as drive", 0.75)
     result = _started(campaign, "tension_in_N")
+    if found and not explained(result.base.chi2, result.problem.stack.size):
+        return None
     note = "The proximal tension drives the model: with the position as drive, no name explains the readings."
     return replace(result, notes=(*result.notes, note))
 
