@@ -122,22 +122,22 @@ def _by_tension(
 ) -> _Started | None:
     """Start from the tension as drive where the position leaves more than the sensors explain.
 
-    Where a part was found with the position, only if the tension needs none.
+    Where a part was named with the position, only if the tension needs none.
     """
     runs, rows = started.runs, started.problem.stack.size
     fit = work.chosen.fit if work.laws is None else work.laws.fit
-    found = work.judged.verdict != "unknown" and not work.judged.reason
+    named = work.judged.verdict != "unknown" and not work.judged.reason
     if (
         runs[0].drive == "tension_in_N"
         or explained(started.base.chi2, rows)
-        or (found and explained(fit.chi2, rows))
+        or (named and explained(fit.chi2, rows))
     ):
         return None
     if any("tension_in_N" not in run.measured or len(run.measured) < 2 for run in runs):
         return None
     report("trying the tension as drive", 0.75)
     result = _started(campaign, "tension_in_N")
-    if found and not explained(result.base.chi2, result.problem.stack.size):
+    if named and not explained(result.base.chi2, result.problem.stack.size):
         return None
     note = "The proximal tension drives the model: with the position as drive, no name explains the readings."
     return replace(result, notes=(*result.notes, note))
