@@ -1,4 +1,4 @@
-"""A smooth route whose curvature varies slowly has no error bar of arcs; docs/model.md (225), (226)."""
+"""A smooth route whose curvature varies slowly has no error bar of arcs; docs/model.md (225), (217)."""
 
 import numpy as np
 import pytest

@@ -26,10 +26,9 @@ from tssgeom.route.model_average import averaged_over_models
 from tssgeom.route.model_choice import (
     CHOICE,
     chain_deviance,
-    log_evidence_difference,
+    evidence_difference,
     penalised_log_evidence_difference,
     search_variance,
-    selected,
 )
 from tssgeom.route.observations import Shape, are_few, order_warnings, outlier_warnings
 from tssgeom.route.order import order_warning
@@ -172,8 +171,6 @@ def _measured(shape: Shape, noise: float | None, method: Method) -> RouteFit:
     arcs = chain_fit(shape, *without_outliers(data, chain))
     if required:
         return arcs
-    if not are_few(shape.points):
-        return selected(smooth, arcs, difference)
     likelier = replace(arcs if difference > 0.0 else smooth, spline=smooth.spline, turned=smooth.turned)
     return averaged_over_models(likelier, smooth, candidates)
 
@@ -248,8 +245,6 @@ def chain_fit(shape: Shape, data: Data, chain: Chain, pieces: ChainPieces | None
         warnings=warnings,
         chain=chain,
     )
-    if not are_few(data.points):
-        return fit
     return fit.with_model_choice_variance(search_variance(data, chain) * fit.arcs.total_angle_se**2)
 
 
@@ -276,17 +271,10 @@ def chain_allowed(shape: Shape, spline: Spline) -> bool:
 def _competitive(data: Data, chain: Chain, spline: Spline) -> Chain | None:
     """Return the chain after a few moves, or None where its evidence stays hopeless beside the spline."""
     for _ in range(START.quick_moves):
-        if _evidence(data, chain, spline) >= CHOICE.hopeless:
+        if evidence_difference(data, chain, spline) >= CHOICE.hopeless:
             return chain
         chain = fit_chain(data, chain, 1)
-    return chain if _evidence(data, chain, spline) >= CHOICE.hopeless else None
-
-
-def _evidence(data: Data, chain: Chain, spline: Spline) -> float:
-    """Evidence of a chain over the spline [2 ln]; of few points not priced, since all models count."""
-    if are_few(data.points):
-        return spline.deviance - chain_deviance(data, chain)
-    return log_evidence_difference(data, chain, spline)
+    return chain if evidence_difference(data, chain, spline) >= CHOICE.hopeless else None
 
 
 def first_chain(data: Data, smooth: RouteFit) -> Chain:

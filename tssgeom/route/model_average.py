@@ -1,8 +1,8 @@
-"""Φ and the length of few points, averaged over a smooth route and chains of arcs; docs/model.md (217).
+"""Φ and the length, averaged over a smooth route and chains of arcs; docs/model.md (217).
 
-Few points select neither the kind of model nor the number of pieces. The estimate is that of the selected
-model; its variances are taken over all models that were tried, over their chains with straight pieces put
-between the bends, which fit as well where noise hides them, and over what curvature may do between points.
+Noisy points select neither the kind of model nor the number of pieces. The estimate is that of the selected
+model. Its variances are taken over all models that were tried, over their chains with straight pieces between
+the bends, which fit as well where noise hides them, and over what curvature may do between few points.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from tssgeom.route.arcs.summary import chain_pieces, chain_turns_unobserved, ide
 from tssgeom.route.model_choice import (
     CHOICE,
     added_variance,
-    chain_deviance,
+    evidence_difference,
     evidence_scale,
     log_evidence_difference,
     model_probabilities,
@@ -37,7 +37,7 @@ from tssgeom.route.spline.fit import Spline
 
 @dataclass(frozen=True, slots=True)
 class ModelAverage:
-    """How evidence weighs the models of few points."""
+    """How evidence weighs the models."""
 
     straight_share: float = 0.1
     """First length of a straight piece beside a bend, of that bend [1]. Chosen: the fit moves it."""
@@ -75,7 +75,7 @@ def chain_model(data: Data, chain: Chain, spline: Spline) -> ChainModel:
         angle_variance=(1.0 + search_variance(data, chain)) * angle_variance,
         length=length,
         length_variance=length_variance,
-        difference=spline.deviance - chain_deviance(data, chain) - varying,
+        difference=evidence_difference(data, chain, spline) - varying,
         priced=log_evidence_difference(data, chain, spline) - varying,
         parameters=len(chain.matrix),
         proven=value_count(data) >= CHOICE.whole_values_per_parameter * len(chain.matrix),
@@ -83,9 +83,12 @@ def chain_model(data: Data, chain: Chain, spline: Spline) -> ChainModel:
 
 
 def with_straights(tried: Iterable[tuple[Data, Chain]]) -> Iterator[tuple[Data, Chain]]:
-    """Fit chains again with a straight piece wherever a bend meets another one or an end."""
+    """Fit chains again with a straight piece wherever a bend meets another one or an end, but not at kinks.
+
+    Of a kink and a straight piece that both are shorter than the spacing, no point shows which one turns.
+    """
     for data, chain in tried:
-        candidate = _with_straights(chain)
+        candidate = _with_straights(chain) if data.shortest >= 1.0 else None
         if candidate is not None and parameter_count(candidate.curved, data.free) < value_count(data):
             with suppress(FitError):
                 yield data, identifiable(data, fit_fixed_pieces(data, candidate))[0]

@@ -35,12 +35,10 @@ from tssgeom.route.geometry import (
 from tssgeom.route.model_average import added_by_models
 from tssgeom.route.model_choice import (
     CHOICE,
-    log_evidence_difference,
-    model_choice_variance,
+    evidence_difference,
     penalised_log_evidence_difference,
-    undecided,
 )
-from tssgeom.route.observations import Shape, are_few
+from tssgeom.route.observations import Shape
 from tssgeom.route.resolution import SharedErrors
 from tssgeom.route.route_fit import RouteFit
 from tssgeom.route.spline.fit import Spline, fit_in_steps
@@ -238,31 +236,13 @@ def _spline_tried(check: ModelCheck, data: Data, chain: Chain, begun: TrackedFit
         return partial(replace, candidate=spline)
     yield 0
     difference = penalised_log_evidence_difference(data, chain, spline)
-    few = are_few(check.shape.points)
-    if difference > 0.0 and not few and not undecided(difference, len(chain.matrix)):
-        return partial(_not_taken_over, -difference, spline, _NO_VARIANCES)
     smooth = replace(spline_fit(spline), turned=begun.fit.turned)
     arcs = chain_fit(check.shape, data, chain)
     taken = difference < -EVIDENCE_SCALE.very_strong
-    added = _variances(smooth, arcs, (data, chain), difference, few=few, spline_stays=taken)
+    added = added_by_models(smooth if taken else arcs, smooth, [(data, chain)])
     if taken:
         return partial(_taken_over, TrackedFit(smooth, check.shape.index).with_model_variances(added))
     return partial(_not_taken_over, -difference, spline, added)
-
-
-def _variances(
-    smooth: RouteFit,
-    arcs: RouteFit,
-    tried: tuple[Data, Chain],
-    difference: float,
-    *,
-    few: bool,
-    spline_stays: bool,
-) -> tuple[float, float]:
-    """Return what the choice adds to the variances of Φ and length of the model that is tracked on."""
-    if few:
-        return added_by_models(smooth if spline_stays else arcs, smooth, [tried])
-    return model_choice_variance(smooth, arcs, difference), 0.0
 
 
 def _taken_over(taken: TrackedFit, now: TrackedFit) -> TrackedFit:
@@ -288,7 +268,6 @@ def _chain_tried(check: ModelCheck, begun: TrackedFit) -> Steps:
     spline = begun.fit.spline
     if spline is None:
         return _unchanged
-    few = are_few(check.shape.points)
     # without the variances that earlier checks added
     smooth = with_few_points_variance(spline_fit(spline), check.shape)
     smooth = replace(smooth, turned=begun.fit.turned)
@@ -300,9 +279,9 @@ def _chain_tried(check: ModelCheck, begun: TrackedFit) -> Steps:
     candidate = fit_fixed_pieces(data, first)
     yield work_of_candidate(data, candidate)
     moved = yield from fit_chain_in_steps(data, candidate, SCHEDULE.moves)
-    difference = log_evidence_difference(data, moved, spline)
+    difference = evidence_difference(data, moved, spline)
     converged = len(moved.bend) == len(candidate.bend)
-    if difference < CHOICE.hopeless and (converged or begun.trials >= SCHEDULE.interval) and not few:
+    if difference < CHOICE.hopeless and (converged or begun.trials >= SCHEDULE.interval):
         return partial(_not_taken_over, difference, None, _NO_VARIANCES)
     if not converged:
         return partial(replace, candidate=moved, trials=begun.trials + 1)
@@ -310,7 +289,7 @@ def _chain_tried(check: ModelCheck, begun: TrackedFit) -> Steps:
     arcs = replace(chain_fit(check.shape, data, moved), turned=begun.fit.turned)
     difference = penalised_log_evidence_difference(data, moved, spline)
     taken = difference > EVIDENCE_SCALE.very_strong
-    added = _variances(smooth, arcs, (data, moved), difference, few=few, spline_stays=not taken)
+    added = added_by_models(arcs if taken else smooth, smooth, [(data, moved)])
     if taken:
         begins = TrackedFit(arcs, check.shape.index, candidate=spline)
         return partial(_taken_over, begins.with_model_variances(added))

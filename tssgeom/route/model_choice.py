@@ -8,7 +8,7 @@ the models joins that within them.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,7 +17,6 @@ from tssgeom.route.arcs.chain import Chain, Data, noise_variance, squared_distan
 from tssgeom.route.arcs.moves import saved_by_slopes
 from tssgeom.route.arcs.outliers import squared_tangent_residuals
 from tssgeom.route.route import across
-from tssgeom.route.route_fit import RouteFit
 from tssgeom.route.spline.fit import Spline
 
 
@@ -54,9 +53,6 @@ class ModelChoice:
     """Root mean square distance from known stations of a chain that lost its points [spacings]. Chosen."""
     hopeless: float = -40.0
     """Evidence difference of a first chain that further moves do not make up [2 ln]. Chosen."""
-    close_call: float = 12.0
-    """Difference, over the error of the criterion, within which the other model still counts [2 ln]. Chosen:
-    odds of 1 to 400."""
 
 
 CHOICE = ModelChoice()
@@ -114,17 +110,6 @@ def added_variance(probability: Vector, angle: Vector, own: Vector, about: float
     return max(mixture_variance(probability, angle, np.fmin(own, angle**2), about) - known, 0.0)
 
 
-def selected(smooth: RouteFit, arcs: RouteFit, log_evidence_difference: float) -> RouteFit:
-    """Select the likelier model and add the variance of that choice; the difference is chain less spline."""
-    likelier = replace(arcs if log_evidence_difference > 0 else smooth, spline=smooth.spline)
-    return likelier.with_model_choice_variance(model_choice_variance(smooth, arcs, log_evidence_difference))
-
-
-def undecided(log_evidence_difference: float, parameters: int) -> bool:
-    """Whether a difference [2 ln] is so small that both models count, for a chain of so many parameters."""
-    return abs(log_evidence_difference) <= CHOICE.close_call * evidence_scale(parameters)
-
-
 def evidence_scale(parameters: int) -> float:
     """Return by how much the error of the criterion widens a difference of evidence [1]; (217).
 
@@ -134,17 +119,9 @@ def evidence_scale(parameters: int) -> float:
     return math.sqrt(1.0 + 3.0 * (parameters / (2.0 * math.pi)) ** 2)
 
 
-def model_choice_variance(smooth: RouteFit, arcs: RouteFit, log_evidence_difference: float) -> float:
-    """Return the variance of Φ from not knowing which of the two models is right [rad²]; (226)."""
-    parameters = 0 if arcs.chain is None else len(arcs.chain.matrix)
-    if not undecided(log_evidence_difference, parameters):
-        return 0.0
-    log_odds = 0.5 * log_evidence_difference / evidence_scale(parameters)
-    angle = np.array([smooth.arcs.total_angle, arcs.arcs.total_angle])
-    own = np.array([smooth.arcs.total_angle_se, arcs.arcs.total_angle_se]) ** 2
-    one = 1 if log_odds > 0.0 else 0
-    probability = model_probabilities(np.array([0.0, log_odds]))
-    return added_variance(probability, angle, own, float(angle[one]), float(own[one]))
+def evidence_difference(data: Data, chain: Chain, spline: Spline) -> float:
+    """Evidence of the chain over the spline without any price [2 ln]; (217)."""
+    return spline.deviance - chain_deviance(data, chain)
 
 
 def penalised_log_evidence_difference(data: Data, chain: Chain, spline: Spline) -> float:
@@ -188,7 +165,7 @@ def log_evidence_difference(data: Data, chain: Chain, spline: Spline) -> float:
         length = float(chain.stations.max() - chain.stations.min())
         price += noise_price(math.sqrt(noise_variance(data, chain)) / length)
         price -= noise_price(spline.route.noise / float(spline.route.s[-1]))
-    return spline.deviance - chain_deviance(data, chain) + bonus - price
+    return evidence_difference(data, chain, spline) + bonus - price
 
 
 def least_evidence(pieces: int) -> float:
