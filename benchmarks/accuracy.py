@@ -21,6 +21,7 @@ from itertools import groupby
 import numpy as np
 
 from benchmarks import machine, number, options_parser, share, table
+from benchmarks.fibres import CELLS, fibre_table
 from benchmarks.scores import METHODS, Outcome, Result, Summary, bound, details, matrix, run, summary
 from tests.known_routes import Cell, catalogue, quick, truth
 
@@ -164,17 +165,22 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the benchmark and return the exit code."""
     options = _options(arguments)
     chosen = [cell for cell in _cells(options) if options.cell.lower() in cell.title.lower()]
-    if not chosen:
+    fibres = [cell for cell in CELLS if not options.quick and options.cell.lower() in cell.title.lower()]
+    if not chosen and not fibres:
         print(f"no cell has {options.cell!r} in its name; see tests/known_routes.py")
         return 2
     trials = options.trials or (_QUICK_TRIALS if options.quick else _TRIALS)
     print(machine())
     print(f"settings: {len(chosen)} cells, {trials} trials each, {options.jobs} processes\n\n{_LEGEND}")
     begin = time.perf_counter()
-    results = _print_groups(chosen, trials, options)
+    results = _print_groups(chosen, trials, options) if chosen else []
+    if fibres:
+        print(f"\n{'## ' if options.markdown else '== '}fibre\n")
+        print(fibre_table(fibres, trials, markdown=options.markdown), flush=True)
     print(f"\n{len(chosen)} cells in {time.perf_counter() - begin:.0f} s")
     if not options.quick:
-        print("\n" + targets(results, markdown=options.markdown))
+        if results:
+            print("\n" + targets(results, markdown=options.markdown))
         return 0
     wrong = failings(results)
     print("\n".join(["FAILED", *wrong]) if wrong else "all loose bounds of the quick run hold")

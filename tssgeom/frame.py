@@ -18,7 +18,7 @@ from tssgeom.rig import Rig, Source
 from tssgeom.route.directions import NOISE_PRIOR as DIRECTION_NOISE
 from tssgeom.route.directions import estimated_noise, unit_directions
 from tssgeom.route.error_posterior import NO_POSTERIOR
-from tssgeom.route.fibre.sensed import clean_fibre, measure_fibre, sensed_shape
+from tssgeom.route.fibre.sensed import clean_fibre, fit_fibre, sensed_shape
 from tssgeom.route.geometry import measure
 from tssgeom.route.marker_offset import follow_markers
 from tssgeom.route.model_choice import NOISE_PRIOR as POINT_NOISE
@@ -114,10 +114,12 @@ def fit_frame(
     """
     if frame.curvatures is not None:
         fibre = clean_fibre(frame.curvatures, frame.stations)
-        fit = measure_fibre(fibre, curvature_noise_of(frame, rig))
-        if rig.shape.noise is not None and curvature_noise_of(frame, rig) is None:
+        stated = curvature_noise_of(frame, rig)
+        fitted = fit_fibre(fibre, stated, last=None if last is None else last.fibre_noise)
+        fit = fitted.fit
+        if rig.shape.noise is not None and stated is None:
             fit = fit.warned(_NOISE_OF_POINTS)
-        return sensed_shape(fibre, fit), TrackedFit(fit, fibre.index)
+        return sensed_shape(fibre, fit), TrackedFit(fit, fibre.index, fibre_noise=fitted.start)
     if (ends := _ends(frame, rig)) is not None:
         return _fit_ends(ends)
     stated, given = noise_of(frame, rig), rig.shape

@@ -83,6 +83,14 @@ def test_an_unknown_cell_is_an_error(capsys):
     assert "no such cell" in capsys.readouterr().out
 
 
+def test_fibres_have_rows_of_their_own(capsys):
+    assert accuracy.main(["--cell", "fibre: setup A 40", "--trials", "3"]) == 0
+    printed = capsys.readouterr().out
+    (row,) = [line for line in printed.splitlines() if line.startswith("setup A 40 gratings")]
+    raw, spline, ours = (float(one) for one in row.split("/m")[1].split()[:3])
+    assert 0.0 < ours < min(raw, spline)
+
+
 @pytest.mark.parametrize("stage", [*STAGES, SMOOTH_STAGES[-1], *PIPELINES], ids=lambda stage: stage.name)
 def test_every_timed_stage_runs_on_one_frame_after_the_other(stage):
     calls = stage.calls(frames(30, 2))

@@ -135,7 +135,7 @@ static void extend(const Fibre *of, int64_t kind, int64_t j, Piece pieces[], int
 static double forward(
     const Fibre *of, int64_t origin[], int64_t kind[], Last *last, int64_t first[], double work[]) {
     Piece *pieces = (Piece *)work;
-    double *likeliest = work + of->k * of->n * OF_PIECE, *count = likeliest + of->n + 1;
+    double *likeliest = work + of->k * of->n * OF_PIECE, *count = likeliest + of->n + 1, *further = count + of->k;
     double log_total = 0.0;
     int64_t entries = 0;
     likeliest[0] = 1.0;
@@ -146,17 +146,22 @@ static double forward(
         origin[j + 1] = kind[j + 1] = 0;
         for (int64_t k = 0; k < of->k; k++) {
             Piece *own = pieces + k * of->n;
-            int64_t kept = 0;
             extend(of, k, j, own, (int64_t)count[k], log_total);
             for (int64_t e = 0; e <= (int64_t)count[k]; e++) {
                 int64_t start = (int64_t)own[e].start;
                 double weight = exp(own[e].exponent - log_total) / own[e].scale, on = goes_on(of, start, j);
                 double ends = weight * (j + 1 < of->n ? on - goes_on(of, start, j + 1) : on);
-                going += weight * on, ending += ends;
+                going += further[k * of->n + e] = weight * on, ending += ends;
                 if (last) last[entries++] = (Last){ends, k, start};
                 if (ends * likeliest[start] > best)
                     best = ends * likeliest[start], origin[j + 1] = start, kind[j + 1] = k;
-                if (weight * on < NEGLIGIBLE * going) continue;
+            }
+        }
+        for (int64_t k = 0; k < of->k; k++) { /* now that all that goes on is known */
+            Piece *own = pieces + k * of->n;
+            int64_t kept = 0;
+            for (int64_t e = 0; e <= (int64_t)count[k]; e++) {
+                if (further[k * of->n + e] < NEGLIGIBLE * going) continue;
                 if (kept < e) own[kept] = own[e];
                 kept++;
             }

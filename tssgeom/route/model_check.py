@@ -25,6 +25,7 @@ from tssgeom.route.arcs.moves import (
     work_of_candidate,
 )
 from tssgeom.route.error_posterior import NO_POSTERIOR, ErrorPosterior
+from tssgeom.route.fibre.models import LastNoise
 from tssgeom.route.geometry import (
     chain_data,
     chain_fit,
@@ -119,6 +120,8 @@ class TrackedFit:
     """Whether fits of few points went astray, so that the noise is taken from differences in time."""
     direction_noise: float = 0.0
     """Noise of a component of sensed directions that was estimated [rad]."""
+    fibre_noise: LastNoise | None = None
+    """Noise of the curvatures of a fibre that was estimated."""
     errors: ErrorPosterior = NO_POSTERIOR
     """What errors that neighbouring points share mean for the fit."""
 

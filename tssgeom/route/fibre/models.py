@@ -60,6 +60,12 @@ class Effort:
     """Step of the logarithm of the noise that is fine enough [standard errors]."""
     negligible: float = 1e-3
     """Probability below which a step of the grid is not halved [1]."""
+    near_step: float = 1.5
+    """Distance from the noise of the last frame to the levels on both sides [standard errors]."""
+    farthest: float = 3.0
+    """Greatest change of the noise from frame to frame that needs no grid [standard errors]."""
+    most_ratio: float = 2.0
+    """Greatest change of its standard error that needs none, as a factor [1]."""
     draws: int = 256
     """Draws of the curvature."""
     intervals: int = 100
@@ -113,7 +119,8 @@ class Sensed(NamedTuple):
     def typical(self) -> float:
         """Size τ of a component in the mean, not below what the noise could hide [1/m]."""
         mean_square = float(np.mean(self.bend[self.read] ** 2))
-        return math.sqrt(max(mean_square, self.noise**2, PRIOR.faintest**2))
+        hidden = self.noise**2 * float(np.mean(1.0 / self.merged[self.read]))
+        return math.sqrt(max(mean_square, hidden, PRIOR.faintest**2))
 
 
 def kinds_of(sensed: Sensed, *, smooth: bool = True, pieces: bool = True) -> Kinds:
@@ -162,6 +169,15 @@ def partitions(sensed: Sensed, kinds: Kinds, noise: float) -> Partition:
     return Partition(log_evidence, np.array(joints), kinds.variance[kind[joints[1:]]] > 0.0)
 
 
+class LastNoise(NamedTuple):
+    """Noise of a fibre that an earlier frame gave."""
+
+    noise: float
+    """Of a component of one grating, above 0 [1/m]."""
+    relative_se: float
+    """Standard error of its logarithm, above 0 [1]."""
+
+
 class Noises(NamedTuple):
     """Levels of the noise that count, with their probabilities."""
 
@@ -186,11 +202,16 @@ class Noises(NamedTuple):
         return math.sqrt(float(self.probability @ off**2))
 
 
-def noises(sensed: Sensed, kinds: Kinds) -> Noises:
-    """Levels of the noise: the known one, else a grid that is fine where the probability is; (240)."""
+def noises(sensed: Sensed, kinds: Kinds, last: LastNoise | None = None) -> Noises:
+    """Levels of the noise: the known one, else a grid that is fine where the probability is; (240).
+
+    The noise of the last frame is enough for three levels where the posterior of this one lies near it.
+    """
     if sensed.noise > 0.0:
         log_evidence = partitions(sensed, kinds, sensed.noise).log_evidence
         return Noises(np.array([sensed.noise]), np.ones(1), log_evidence)
+    if last is not None and (near := _near(sensed, kinds, last)) is not None:
+        return near
     low, high = (math.log(share * sensed.typical) for share in PRIOR.noise_range)
     high += 0.5 * math.log(float(sensed.merged.max()))  # means are that much less noisy than a grating
     level = np.linspace(low, high, EFFORT.noise_levels)
@@ -207,6 +228,22 @@ def noises(sensed: Sensed, kinds: Kinds) -> Noises:
         density = np.insert(density, i + 1, _log_density(sensed, kinds, middle))
     share = np.exp(density - density.max()) * np.gradient(level)
     return Noises(np.exp(level), share / share.sum(), float(density.max() + math.log(share.sum())))
+
+
+def _near(sensed: Sensed, kinds: Kinds, last: LastNoise) -> Noises | None:
+    """Return the levels of a normal posterior of ln noise, or None where it lies elsewhere; (242)."""
+    middle, step = math.log(last.noise), EFFORT.near_step * last.relative_se
+    below, at, above = (_log_density(sensed, kinds, middle + x) for x in (-step, 0.0, step))
+    bend = below - 2.0 * at + above
+    if not math.isfinite(bend) or bend >= 0.0:
+        return None
+    slope, deviation = 0.5 * (above - below), step / math.sqrt(-bend)
+    ratio, off = deviation / last.relative_se, -step * slope / bend
+    if max(ratio, 1.0 / ratio) > EFFORT.most_ratio or abs(off) > EFFORT.farthest * last.relative_se:
+        return None
+    level = np.exp(middle + off + deviation * math.sqrt(3.0) * np.array([-1.0, 0.0, 1.0]))
+    log_evidence = at - 0.5 * slope**2 / bend + math.log(deviation * math.sqrt(2.0 * math.pi))
+    return Noises(level, np.array([1.0, 4.0, 1.0]) / 6.0, log_evidence)
 
 
 def _log_density(sensed: Sensed, kinds: Kinds, log_noise: float) -> float:

@@ -14,7 +14,7 @@ import numpy as np
 from tssgeom import core
 from tssgeom.arrays import Matrix, Points, Vector, read_only, rows_at
 from tssgeom.errors import FitError, ShapeError
-from tssgeom.route.fibre.models import Sensed, kinds_of, noises, partitions, sampled
+from tssgeom.route.fibre.models import LastNoise, Sensed, kinds_of, noises, partitions, sampled
 from tssgeom.route.fibre.route import fit_of_draws, fit_of_pieces
 from tssgeom.route.geometry import Method
 from tssgeom.route.observations import Shape
@@ -22,6 +22,7 @@ from tssgeom.route.route_fit import AGREEMENT, RouteFit
 
 MIN_GRATINGS = 3
 _MOST_CELLS = 200  # values for the estimators, whose time is quadratic; of more, neighbours are averaged
+_LOST = 2.0 * math.pi  # standard error of Φ from which a frame is no start for the next [rad]; chosen: a turn
 _MOST_TURN = math.pi  # from grating to grating, beyond which the unit must be wrong [rad]
 
 
@@ -51,6 +52,13 @@ class FibreFit:
     """Its standard error; 0 where it is known [1/m]."""
     probability: dict[str, float]
     """Posterior probability that no piece is smooth ("arcs"), and that one is ("spline")."""
+
+    @property
+    def start(self) -> LastNoise | None:
+        """Noise from which the next frame starts; None where it is known, or where Φ was lost."""
+        if not self.curvature_noise_se > 0.0 or self.fit.arcs.total_angle_se >= _LOST:
+            return None
+        return LastNoise(self.curvature_noise, self.curvature_noise_se / self.curvature_noise)
 
 
 def clean_fibre(curvatures: Matrix, stations: Vector | None) -> Fibre:
@@ -182,7 +190,9 @@ def measure_fibre(fibre: Fibre, noise: float | None = None, method: Method = "au
     return fit_fibre(fibre, noise, method).fit
 
 
-def fit_fibre(fibre: Fibre, noise: float | None = None, method: Method = "auto") -> FibreFit:
+def fit_fibre(
+    fibre: Fibre, noise: float | None = None, method: Method = "auto", last: LastNoise | None = None
+) -> FibreFit:
     """Estimate the route of a fibre, in pieces that are straight, of constant curvature, or smooth.
 
     The fibre begins at the origin along z; κ_x bends it towards x, κ_y towards y. Φ and its standard error
@@ -196,6 +206,8 @@ def fit_fibre(fibre: Fibre, noise: float | None = None, method: Method = "auto")
         Known standard deviation of a curvature component [1/m]; estimated where left out.
     method
         "arcs" for constant curvature in pieces, "spline" for smooth curvature, "auto" for both; (36).
+    last
+        Noise that the last frame of a stream gave, as `FibreFit.start`.
 
     Raises
     ------
@@ -204,7 +216,7 @@ def fit_fibre(fibre: Fibre, noise: float | None = None, method: Method = "auto")
     """
     sensed = _sensed(fibre, noise)
     kinds = kinds_of(sensed, smooth=method != "arcs", pieces=method != "spline")
-    levels = noises(sensed, kinds)
+    levels = noises(sensed, kinds, last)
     if not math.isfinite(levels.log_evidence):
         raise FitError("the curvatures give no finite route: check them and their stations")
     draws, estimate = sampled(sensed, kinds, levels), levels.estimate
