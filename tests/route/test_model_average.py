@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from tssgeom.route import model_average
 from tssgeom.route.arcs.chain import fit_fixed_pieces
 from tssgeom.route.arcs.moves import fit_chain
 from tssgeom.route.geometry import chain_data, first_chain, measure, spline_fit
@@ -96,6 +97,20 @@ def test_the_added_variance_is_that_of_the_mixture_about_the_selected_model(trie
     whole = mixture_variance(probabilities(models), mean, own, smooth.arcs.total_angle)
     assert angle == pytest.approx(max(whole - smooth.arcs.total_angle_se**2, 0.0))
     assert length >= 0.0
+
+
+def test_a_chain_without_evidence_leaves_the_others(tried, monkeypatch):
+    smooth, data, arcs = tried
+    singular = arcs._replace(cost=2.0 * arcs.cost)
+    alone = added_by_models(smooth, smooth, [(data, arcs)])
+
+    def of_chain(data, chain, spline):
+        model = chain_model(data, chain, spline)
+        return model._replace(difference=math.nan) if chain is singular else model
+
+    monkeypatch.setattr(model_average, "chain_model", of_chain)
+    assert added_by_models(smooth, smooth, [(data, singular), (data, arcs)]) == pytest.approx(alone)
+    assert alone[0] > 0.0
 
 
 @pytest.mark.parametrize("n", [20, 40])

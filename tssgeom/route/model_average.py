@@ -142,7 +142,7 @@ def added_by_models(
     first = _different(tried)
     chains = _different((*first, *with_straights(first)))
     models = [chain_model(*one, smooth.spline) for one in chains if not chain_turns_unobserved(*one)]
-    models = [one for one in models if math.isfinite(sum(one[:4]))]
+    models = [one for one in models if math.isfinite(sum(one[:5]))]  # a singular one leaves the others
     probability = probabilities(models)
     smooth_moments = _moments(smooth.arcs)
     every = [smooth_moments, *(one[:4] for one in models[: len(probability) - 1])]
