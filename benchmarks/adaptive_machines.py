@@ -10,7 +10,7 @@ A fault begins after 12 s of another such run: the friction of a sheath halves, 
 60 %, or a sensor reads zero. It is named where the likeliest mechanism of the last comparison is it.
 
 Fails where friction is off by more than 3 % (rms), where there is an alarm without a fault, or where a fault
-is not found within 10 s. `--quick` takes a minute.
+is not detected within 10 s. `--quick` takes a minute.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from tssgeom.adapt.machine_readings import MachineReadings
 
 _MOST_FRICTION = 0.03
 _BEGIN_S = 20.0
-_FOUND_S, _WATCHED_S = 10.0, 12.0  # after a fault begins
+_DETECTED_S, _WATCHED_S = 10.0, 12.0  # after a fault begins
 _NAMES = {"wet_sheath": "friction_over_time", "frayed_tendon": "strain_over_time"}
 
 
@@ -78,7 +78,7 @@ def sound(scenario: MachineScenario) -> Sound:
     )
 
 
-def found(kind: str, seed: int, fault: str) -> tuple[float, str]:
+def detected(kind: str, seed: int, fault: str) -> tuple[float, str]:
     """Return how long after a fault its alarm comes [s], NaN without one, and what names it wrongly."""
     scenario = with_fault(kind, seed, FAULT_S + _WATCHED_S, fault)
     follower, delay = Follower(rig_of(scenario.machine)), math.nan
@@ -139,20 +139,22 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _show_faults(kinds: Sequence[str], seeds: int, markdown: bool) -> list[str]:
-    """Print the table of faults; return which are not found in time."""
+    """Print the table of faults; return which are not detected in time."""
     rows, failed = list[list[str]](), list[str]()
     for kind in kinds:
         for fault in FAULTS:
-            results = [found(kind, seed, fault) for seed in range(1, seeds + 1)]
+            results = [detected(kind, seed, fault) for seed in range(1, seeds + 1)]
             delays = np.array([delay for delay, _ in results])
             wrong = [name for _, name in results if name]
-            in_time = int(np.sum((delays > 0.0) & (delays < _FOUND_S)))
+            in_time = int(np.sum((delays > 0.0) & (delays < _DETECTED_S)))
             named = f"{seeds - len(wrong)} of {seeds}"
             late = [f"{in_time} of {seeds}", number(float(np.nanmax(delays)))]
             rows.append([kind, fault, *late, named, ", ".join(wrong) or "–"])
             if in_time < seeds:
-                failed.append(f"{kind}: {fault} is found within {_FOUND_S:g} s {in_time} of {seeds} times")
-    head = ["machine", "fault", "found", "after s, worst", "named", "named otherwise"]
+                failed.append(
+                    f"{kind}: {fault} is detected within {_DETECTED_S:g} s {in_time} of {seeds} times"
+                )
+    head = ["machine", "fault", "detected", "after s, worst", "named", "named otherwise"]
     print(table(head, rows, text_columns=2, markdown=markdown))
     return failed
 

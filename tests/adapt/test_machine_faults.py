@@ -1,4 +1,4 @@
-"""Faults of machines that are followed: found at once, and named once some seconds are compared."""
+"""Faults of machines that are followed: detected at once, and named once some seconds are compared."""
 
 import pytest
 
@@ -14,14 +14,14 @@ _CAUSES = {
 
 
 @pytest.mark.parametrize("fault", _CAUSES)
-def test_a_fault_of_a_pair_is_found_within_a_second_and_named_within_eight(fault):
+def test_a_fault_of_a_pair_is_detected_within_a_second_and_named_within_eight(fault):
     scenario = with_fault("pair", 1, FAULT_S + 8.0, fault)
-    follower, found = Follower(rig_of(scenario.machine)), None
+    follower, detected = Follower(rig_of(scenario.machine)), None
     for now in followed(scenario, follower):
-        if follower.alert is not None and found is None:
-            found = now
-    assert found is not None
-    assert FAULT_S < found < FAULT_S + 1.0
+        if follower.alert is not None and detected is None:
+            detected = now
+    assert detected is not None
+    assert FAULT_S < detected < FAULT_S + 1.0
     assert follower.alert is not None
     first = follower.alert.explanations[0]
     assert (first.mechanism, first.where) == _CAUSES[fault]

@@ -128,9 +128,9 @@ def test_a_drive_that_swings_like_a_sine_is_no_noise():
 def test_noise_of_a_coarse_display_is_its_digit_and_not_the_rounding_of_its_sums():
     force = np.interp(np.linspace(0.0, 20.0, 400), [0.0, 10.0, 20.0], [0.0, 15.0, 0.3])
     for noise in (0.003, 0.01, 0.05):
-        shown = 0.05 * np.round((force + noise * np.random.default_rng(3).standard_normal(400)) / 0.05)
+        display = 0.05 * np.round((force + noise * np.random.default_rng(3).standard_normal(400)) / 0.05)
         expected = np.hypot(noise, 0.05 / np.sqrt(12))
-        assert 0.5 * expected < reading_noise(shown) < 2.2 * expected
+        assert 0.5 * expected < reading_noise(display) < 2.2 * expected
 
 
 def test_a_hold_at_a_turn_is_level():

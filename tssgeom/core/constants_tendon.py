@@ -27,7 +27,7 @@ class SolverTolerances(NamedTuple):
     """Residual that ends the iteration, of the greatest tension [1]; chosen: rounding, with room."""
     accepted: float = 1e-7
     """Largest residual of an equilibrium that is returned, and error of its tensions [N]; chosen: below what
-    any sensor resolves. Above 107 N it grows with the tension; docs/model.md (247). The last pass over curved
+    any sensor resolves. Above 107 N it grows with the tension; docs/model.md (250). The last pass over curved
     laws moves no tension by a tenth of it."""
     trials: int = 80
     """Most trials in a search for one number [1]; derived: bisection alone would need some 60."""

@@ -307,7 +307,7 @@ double balance(
         change = 0.0, accepted = SOLVER.accepted;
         for (int64_t j = 0; j <= k; j++) {
             change = most(fabs(c->tension[j] - room->about[j]), change);
-            accepted = most(accepted, ROUNDING.relative * c->tension[j]); /* docs/model.md (247) */
+            accepted = most(accepted, ROUNDING.relative * c->tension[j]); /* docs/model.md (250) */
         }
         if (one_pass || (change <= 0.1 * accepted && residual <= accepted)) break;
         /* after a while it swings from side to side of a bend in some law */
