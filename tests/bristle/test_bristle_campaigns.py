@@ -188,3 +188,16 @@ def test_model_and_generator_agree_on_a_pair(tmp_path):
         difference = model[name] - true[name.rpartition("_")[0]]
         assert np.sqrt(np.mean(difference**2)) < most
     assert np.min(true["tension_in_2"]) > PAIR_RANGES.slack_N
+
+
+@pytest.mark.parametrize(
+    ("cause", "channel", "noise"),
+    [("load_play", "displacement_out_m", 2e-6), ("presliding", "tension_in_N", 0.02)],
+)
+def test_what_has_no_law_in_the_model_is_far_above_the_noise(tmp_path, cause, channel, noise):
+    runs = []
+    for size in (1.0, 1e-3):
+        make_campaign(tmp_path / str(size), 6, cause, size)
+        runs.append(read_campaign(tmp_path / str(size)).runs)
+    changes = [a.columns[channel] - b.columns[channel] for a, b in zip(*runs, strict=True)]
+    assert np.sqrt(np.nanmean(np.square(np.concatenate(changes)))) > 15.0 * noise

@@ -82,8 +82,11 @@ def discover(
         work = _with_laws(campaign, started.runs, work, report)
         other = None if bent else _by_tension(campaign, started, work, report)
         again = None if other is None else _worked(campaign, other, seed)
-        if other is not None and again is not None and _explains(again):
-            started, work = other, again
+        if other is not None and again is not None:
+            if not _explains(again):
+                again = _with_laws(campaign, other.runs, again, report)
+            if _explains(again):
+                started, work = other, again
     report("mapping where they disagree", 0.8)
     attribution = _attribution(started.runs, campaign, started.base)
     report("putting it together", 0.9)
@@ -96,8 +99,8 @@ def discover(
 
 
 def _explains(work: Work) -> bool:
-    chosen = work.chosen
-    return work.judged.verdict != "unknown" and explained(chosen.fit.chi2, chosen.problem.stack.size)
+    fit = work.chosen.fit if work.laws is None else work.laws.fit
+    return work.judged.verdict != "unknown" and explained(fit.chi2, work.chosen.problem.stack.size)
 
 
 @dataclass(frozen=True, slots=True)
