@@ -1,6 +1,7 @@
 """The compiled geometry of a route against the same in plain Python, on random routes and broken ones."""
 
 import warnings
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -269,3 +270,28 @@ def test_wrong_shapes_and_types_are_refused_at_the_door():
         core.transitions(np.arange(5.0), np.zeros((4, 2)))
     converted = core.transitions(np.arange(5), np.zeros((5, 3), np.float32))
     np.testing.assert_array_equal(converted, core.transitions(np.arange(5.0), np.zeros((5, 3))))
+
+
+def test_corners_are_those_of_ramer_and_the_search_ends_beyond_the_highest_number():
+    rng = np.random.default_rng(4)
+    for n, off in ((2, 1.0), (3, 1.0), (60, 2.0), (400, 5.0)):
+        points = np.cumsum(rng.standard_normal((n, 3)), axis=0)
+        count, kept = core.corners(points, off, n)
+        at = np.flatnonzero(kept)
+        assert count == len(at)
+        assert (at[0], at[-1]) == (0, n - 1)
+        for first, last in pairwise(at):  # all between are near the line
+            assert _farthest(points, first, last) <= off
+        assert len(at) == 2 or _farthest(points, 0, n - 1) > off
+    walk = np.cumsum(rng.standard_normal((10_000, 3)), axis=0)
+    count, kept = core.corners(walk, 0.1, 200)
+    assert count == kept.sum() == 201
+    assert core.corners(walk[:1], 0.1, 200)[0] == 1
+
+
+def _farthest(points, first, last):
+    """Return the greatest distance of the points between two others from the line between these."""
+    way = points[last] - points[first]
+    off = points[first + 1 : last] - points[first]
+    share = np.clip(off @ way / (way @ way), 0.0, 1.0)
+    return float(np.linalg.norm(off - share[:, None] * way, axis=1).max(initial=0.0))

@@ -1,6 +1,8 @@
 /* Sensed points before any fit: what may be used as it is, and which point stands off its neighbours. SI units. */
 #include "route.h"
 
+#include <string.h>
+
 /* Square beyond which a residual, one of `count`, is an outlier; docs/model.md (29). */
 double outlier_limit(int64_t count, double variance) {
     return (OUTLIERS.square + 2.0 * log((double)count)) * variance;
@@ -23,6 +25,40 @@ void tss_path_length(int64_t n, const double points[n][3], const double weight[n
         last = i;
     }
     *ignored = count, *path = sum;
+}
+
+/* Square distance of a point from the line between two others, or from the nearer end beyond it. */
+static double off_chord(const double point[3], const double first[3], const double last[3]) {
+    double along = 0.0, size = 0.0, square = 0.0;
+    for (int c = 0; c < 3; c++) {
+        along += (point[c] - first[c]) * (last[c] - first[c]);
+        size += squared(last[c] - first[c]);
+    }
+    double share = size > 0.0 ? least(most(along / size, 0.0), 1.0) : 0.0;
+    for (int c = 0; c < 3; c++) square += squared(point[c] - first[c] - share * (last[c] - first[c]));
+    return square;
+}
+
+int64_t tss_corners(
+    int64_t n, const double points[n][3], double off, int64_t highest, uint8_t kept[n], double work[2 * n]) {
+    int64_t(*between)[2] = (int64_t(*)[2])work, waiting = 1, count = n > 1 ? 2 : n;
+    memset(kept, 0, (size_t)n);
+    if (n < 2) return count;
+    kept[0] = kept[n - 1] = 1;
+    between[0][0] = 0, between[0][1] = n - 1;
+    while (waiting && count <= highest) {
+        int64_t first = between[--waiting][0], last = between[waiting][1], worst = first;
+        double farthest = off * off;
+        for (int64_t i = first + 1; i < last; i++) {
+            double square = off_chord(points[i], points[first], points[last]);
+            if (square > farthest) farthest = square, worst = i;
+        }
+        if (worst == first) continue;
+        kept[worst] = 1, count++;
+        between[waiting][0] = first, between[waiting++][1] = worst;
+        between[waiting][0] = worst, between[waiting++][1] = last;
+    }
+    return count;
 }
 
 static double median_step(int64_t n, const double points[][3], double *work) {

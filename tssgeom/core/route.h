@@ -50,6 +50,13 @@ ENTRY status tss_curvature_profile(
 Returns 1 if so, 0 where they are not plain, and -1 where only the quick bounds on order and outliers fail. */
 ENTRY int64_t tss_clearly_sound(int64_t n, const double points[n][3], WORK double work[3][n]);
 
+/** Points between which straight lines pass all others within a distance `off` [m], both ends among them.
+
+Returns how many, and marks them; where there are more than `highest`, it stops at one more, so that the work is
+linear in the points. */
+ENTRY int64_t tss_corners(
+    int64_t n, const double points[n][3], double off, int64_t highest, OUT uint8_t kept[n], WORK double work[2 * n]);
+
 /** The greatest outlier among eight points or more of a median spacing [m], the ends first; -1 for none. */
 ENTRY int64_t tss_worst_outlier(int64_t n, const double points[n][3], double spacing, WORK double work[n]);
 

@@ -258,8 +258,16 @@ def _distinct(points: Points) -> np.ndarray:
     return np.concatenate((np.ones(min(len(points), 1), np.bool_), moved))
 
 
+def _distinct_up_to(points: Points, most: int) -> int:
+    """Count points that differ from each other, up to so many."""
+    count = 0
+    while len(points) and count < most:
+        points, count = points[np.any(points != points[0], axis=1)], count + 1
+    return count
+
+
 def _refuse_unusable(points: Points, *, ordered: bool) -> None:
-    distinct = len(np.unique(points, axis=0))
+    distinct = _distinct_up_to(points, MIN_POINTS)
     if distinct < MIN_POINTS:
         raise ShapeError(
             f"{distinct} distinct points: a route needs at least {MIN_POINTS}, or base and tip, with the "

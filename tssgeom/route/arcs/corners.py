@@ -20,6 +20,9 @@ class CornerSearch(NamedTuple):
     off: float = 5.0
     """Distance of a point from the line between two corners that makes it one [standard deviations];
     chosen."""
+    most: int = 200
+    """Most corners that are searched, neighbours apart, so that the work is linear in the points [1]; chosen:
+    ten of each that a chain can have."""
     fewest: int = 3
     """Fewest spacings of a straight piece: nearer corners are one [1]; chosen."""
 
@@ -48,7 +51,11 @@ def cornered(data: Data, route: Route) -> tuple[Data, Chain] | None:
     (Ramer, 1972; Douglas and Peucker, 1973).
     """
     points = data.points
-    at = _merged(np.array(_corners(points, max(CORNERS.off * route.noise, 0.5 * data.spacing))))
+    off = max(CORNERS.off * route.noise, 0.5 * data.spacing)
+    count, kept = core.corners(points, off, CORNERS.most)
+    if count > CORNERS.most:
+        return None
+    at = _merged(np.flatnonzero(kept))
     few, many = len(at) < 3, 2 * len(at) - 3 > CHAIN_MOVES.most_pieces
     if few or many or np.min(np.diff(at)) < CORNERS.fewest:
         return None
@@ -74,25 +81,6 @@ def _along(points: Points, at: np.ndarray, leg: Points, size: np.ndarray) -> np.
     piece = np.clip(np.searchsorted(at, np.arange(len(points)), side="right") - 1, 0, len(leg) - 1)
     foot = np.einsum("ij,ij->i", points - points[at[piece]], leg[piece])
     return np.append(0.0, np.cumsum(size))[piece] + np.clip(foot, 0.0, size[piece])
-
-
-def _corners(points: Points, off: float) -> list[int]:
-    """Return, in order, the points between which straight lines pass all others within a distance."""
-    kept, waiting = {0, len(points) - 1}, [(0, len(points) - 1)]
-    while waiting:
-        first, last = waiting.pop()
-        if last - first < 2:
-            continue
-        chord = points[last] - points[first]
-        off_first = points[first + 1 : last] - points[first]
-        size = float(chord @ chord)
-        share = np.clip(off_first @ chord / size, 0.0, 1.0) if size > 0.0 else np.zeros(len(off_first))
-        square = np.sum((off_first - share[:, None] * chord) ** 2, axis=1)
-        worst = int(np.argmax(square))
-        if square[worst] > off * off:
-            kept.add(first + 1 + worst)
-            waiting += [(first, first + 1 + worst), (first + 1 + worst, last)]
-    return sorted(kept)
 
 
 def _merged(at: np.ndarray) -> np.ndarray:
