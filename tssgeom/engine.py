@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from threading import Condition
 from typing import TypeVar
@@ -15,7 +15,7 @@ from tssgeom.frame import Frame, smoothed_in_time, smoothed_in_windows
 from tssgeom.plausibility.frames import FrameWatch
 from tssgeom.rig import Rig
 from tssgeom.route.time_filter import PointFilter
-from tssgeom.route.tracking import TrackedFit, model_checked
+from tssgeom.route.tracking import NotWarmError, TrackedFit, model_checked
 from tssgeom.sensed_route import SensedRoute, sensed_route
 from tssgeom.stream import (
     Carried,
@@ -38,6 +38,11 @@ class Track:
     """The fit from which that of the next frame starts; None before the first."""
     watch: FrameWatch = field(default_factory=FrameWatch)
     """The rules on frames beside those before them."""
+
+    @property
+    def is_due(self) -> bool:
+        """Whether a step of the model check is due."""
+        return self.last is not None and self.last.due
 
     def check_model(self) -> None:
         """Make the step of the model check that is due after a frame."""
@@ -157,6 +162,15 @@ class Engine:
         """
         track.check_model()
         return _attempt(0, frame, sensed_route, frame, self._rig, track.last)
+
+    def sense_warm(self, frame: Frame, track: Track) -> SensedRoute | Rejected | None:
+        """Do as `sense` where the fit goes on from the last frame; None where it would begin from nothing."""
+        track.check_model()
+        if track.last is None:
+            return None
+        with suppress(NotWarmError):
+            return _attempt(0, frame, sensed_route, frame, self._rig, replace(track.last, warm_only=True))
+        return None
 
     def idle(self, track: Track | None = None) -> None:
         """Make the step of the model check that follows a frame, so that the next `push` need not.

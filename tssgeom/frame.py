@@ -27,13 +27,12 @@ from tssgeom.route.order import along_the_shortest_path
 from tssgeom.route.resolution import NO_ERRORS, SharedErrors, sheath_resolution
 from tssgeom.route.route_fit import RouteFit
 from tssgeom.route.shared_errors import posterior_of_source, with_hidden_errors, with_shared_errors
-from tssgeom.route.time_filter import PointFilter, begun, filtered, noise_left, smoothed
+from tssgeom.route.time_filter import PointFilter, begun, filtered, noise_left, noise_ratio, smoothed
 from tssgeom.route.tip import TipReadings, fit_tip
-from tssgeom.route.tracking import TrackedFit, follow
+from tssgeom.route.tracking import NotWarmError, TrackedFit, follow
 from tssgeom.tendon.capstan import check_tension
 
 _ASTRAY = 2.0  # noise of a warm fit over that of the first one, above which it lost few points [1]; chosen
-
 _ERRORS_EVERY = 64  # frames between two estimates of what errors that neighbours share mean [1]; chosen
 
 _NOISE_OF_POINTS = "noise_mm is that of points, and a fibre does not use it: state curvature_noise_per_m"
@@ -136,11 +135,15 @@ def fit_frame(
     bounded = noise is None and last is not None and last.noise_bounded
     if bounded and now is not None:
         noise = now.sensed_noise
+    if last is not None:
+        last = replace(last, noise_ratio=noise_ratio(last.filtered, now))
     if given.marker_offset_mm:
         shape, tracked = follow_markers(shape, noise, given.marker_offset_mm, given.marker_axis, last)
     else:
         tracked = follow(shape, noise, last)
         if now is not None and last is not None and _is_astray(tracked, last, now):
+            if last.warm_only:
+                raise NotWarmError
             tracked, bounded = TrackedFit.of(measure(shape, now.sensed_noise), shape.index), True
     unknown = given.direction_noise_deg == "estimate" and (last is None or last.direction_noise == 0.0)
     if unknown and tracked.age == 0:

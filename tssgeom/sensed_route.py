@@ -13,7 +13,7 @@ from tssgeom.route.observations import Shape
 from tssgeom.route.resolution import SharedErrors
 from tssgeom.route.route_fit import RouteFit
 from tssgeom.route.time_filter import PointFilter
-from tssgeom.route.tracking import TrackedFit
+from tssgeom.route.tracking import NotWarmError, TrackedFit
 
 _LOST = 2.0 * math.pi  # standard error of Φ from which a frame is no start for the next [rad]; chosen: a turn
 
@@ -34,7 +34,8 @@ def sensed_route(
 ) -> SensedRoute:
     """Fit the route of a frame, from that of the `last` one; no tendon is needed, and none is moved.
 
-    Where the last one showed nothing of Φ, the fit from nothing stays if it shows more.
+    Where the last one showed nothing of Φ, the fit from nothing stays if it shows more. `NotWarmError` is
+    raised where a fit from nothing is needed, and the last one is to be `warm_only`.
 
     Raises
     ------
@@ -49,6 +50,8 @@ def sensed_route(
         or math.hypot(last.fit.arcs.total_angle_se, last.errors.angle) < _LOST
     ):
         return _sensed(frame, rig, last, points)
+    if last.warm_only:
+        raise NotWarmError
     try:
         anew = _sensed(frame, rig, None, points)
     except FitError:

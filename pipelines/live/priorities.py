@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import sys
+import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
@@ -12,6 +14,22 @@ from functools import cache
 def set_niceness(pid: int, niceness: int) -> None:
     """Set the niceness of a process; a lower one needs a privilege, and without it nothing is changed."""
     _each_thread(pid, lambda thread: os.setpriority(os.PRIO_PROCESS, thread, niceness))
+
+
+def lower_own_priority(niceness: int) -> None:
+    """Let the thread that calls this give way to the others of its process; elsewhere than on Linux nothing.
+
+    Where they have a priority of real time, it has one less; else it is nicer by so much.
+    """
+    if not hasattr(os, "SCHED_RR") or not sys.platform.startswith("linux"):
+        return
+    thread = threading.get_native_id()
+    with suppress(OSError):
+        policy, priority = os.sched_getscheduler(thread), os.sched_getparam(thread).sched_priority
+        if policy in (os.SCHED_RR, os.SCHED_FIFO):
+            os.sched_setscheduler(thread, policy, os.sched_param(max(priority - 1, 1)))
+        else:
+            os.setpriority(os.PRIO_PROCESS, thread, os.getpriority(os.PRIO_PROCESS, thread) + niceness)
 
 
 def _each_thread(pid: int, change: Callable[[int], None]) -> None:

@@ -107,6 +107,7 @@ class Session:
     def run(self) -> None:
         """Answer the newest good frame of each sender in turn, until all sources end or `stop` is called."""
         self.statistics.begin()
+        self.fits.awake.acquire()
         self._next_housekeeping = monotonic() + _LIMITS.housekeeping
         while not (self.stopping or self._at_end):
             self._serve()
@@ -129,19 +130,27 @@ class Session:
         else:
             self._measure_interval(arrival)
             frame = self._on_tendon_clock(arrival.frame, arrival.sender)
-            if self.fits.are_quick(arrival, len(frame.points)):
-                self._answer_now(arrival, frame)
+            if self.fits.are_quick(arrival, len(frame.points)) and self._answered_now(arrival, frame):
+                pass
             elif (dropped := self.fits.begin(arrival, frame)) is not None:
                 self.mailbox.dropped += 1
                 self._refuse_all(dropped)
         self.mailbox.charge(arrival.sender, 1e-9 * (perf_counter_ns() - begun))
 
-    def _answer_now(self, arrival: Arrival, frame: Frame) -> None:
-        engine, track, begun = self.fits.engine, arrival.sender.track, thread_time()
-        self._answer(arrival, frame, engine.push(frame, track=track))
-        engine.idle(track)  # the answer is out: the check of the model delays no frame that has arrived
-        self.fits.took(arrival.sender, thread_time() - begun)
+    def _answered_now(self, arrival: Arrival, frame: Frame) -> bool:
+        """Answer a frame whose fit goes on from the last one; return whether it does."""
+        engine, sender, begun = self.fits.engine, arrival.sender, thread_time()
+        sensed = engine.sense_warm(frame, sender.track)
+        if sensed is None:
+            self.fits.took(sender, thread_time() - begun)
+            return False
+        if isinstance(sensed, SensedRoute):
+            sensed = engine.push(frame, track=sender.track, sensed=sensed)
+        self._answer(arrival, frame, sensed)
+        self.fits.took(sender, thread_time() - begun)
+        self.fits.check_model(sender, len(frame.points))  # the answer is out: no frame that arrived waits
         self._refuse_all(arrival)
+        return True
 
     def _finish(self, fit: LongFit) -> None:
         """Answer a frame that was fitted beside the stream; others may have moved the tendon since."""
@@ -283,7 +292,11 @@ class Session:
             while monotonic() < end:
                 if ready := self.selector.select(0.0):
                     return ready
-        return self.selector.select(timeout)
+        self.fits.awake.release()
+        try:
+            return self.selector.select(timeout)
+        finally:
+            self.fits.awake.acquire()
 
     def _send_stale(self, now: float) -> None:
         arrival = self._last_good

@@ -24,7 +24,7 @@ _NOISE = 2e-4  # m; chosen: as of a good sensor
 
 
 def warm_up(rig: Rig, commander: Commander | None = None, *, adapt: bool = False) -> None:
-    """Follow pieces and a smooth route that move under load, with NaN points, outliers, targets and leaps."""
+    """Follow pieces and a smooth route that move under load, with all that frames may bring."""
     for route in (_pieces, _spiral):
         frames = list(_frames(route))
         follower = Follower(rig) if adapt else None
@@ -86,6 +86,8 @@ def _driven(i: int, points: np.ndarray) -> Frame:
         points[20] += 0.02
     if i == 30:
         points = points[::-1] * 1.5
+    if i == 40:
+        points = np.random.default_rng(i).permutation(points)
     tension = 8.0 + 4.0 * math.sin(0.4 * i)
     if i > 55:
         return Frame(points, float(i), displacement_target=1e-3)

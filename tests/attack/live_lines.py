@@ -44,7 +44,7 @@ KINDS: dict[str, Callable[[int], np.ndarray]] = {
     "zigzag": _zigzag,
 }
 """Points [mm] that are hard to fit, by their number."""
-_HARD: dict[str, Callable[[], np.ndarray]] = {
+HARD: dict[str, Callable[[], np.ndarray]] = {
     "random walk of 500 points": lambda: _walk(500),
     "random walk of 1000 points": lambda: _walk(1000),
     "random walk of 3000 points": lambda: _walk(3000),
@@ -66,6 +66,7 @@ _HARD: dict[str, Callable[[], np.ndarray]] = {
     "one point far away": lambda: np.vstack((points_mm(60, 0.0), [1e12, 0.0, 0.0])),
     "10 001 points": lambda: points_mm(10_001, 0.0),
 }
+"""Points [mm] of frames that are hard to fit."""
 _FIELDS: dict[str, dict[str, object]] = {
     "time 1.7e18": {"t": 1.7e18},
     "time 1e13": {"t": 1e13},
@@ -107,7 +108,7 @@ _TEXTS = {
 def lines() -> Iterator[tuple[str, bytes]]:
     """Yield the text of each hostile frame, with its name."""
     yield from malformed()
-    for name, points in _HARD.items():
+    for name, points in HARD.items():
         yield name, line(points(), _T, id=name)
     for name, fields in _FIELDS.items():
         yield name, json.dumps(json.loads(line(points_mm(60, 0.0), _T, id=name)) | fields).encode()

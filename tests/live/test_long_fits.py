@@ -5,15 +5,17 @@ import os
 import signal
 import time
 from dataclasses import replace
+from threading import Event, Thread
 
 import numpy as np
 import pytest
 
 from tests.attack.live_lines import helix
 from tests.live.peers import frame
-from tests.live_process import PATIENCE, line, live, points_mm
+from tests.live_process import PATIENCE, line, live, points_mm, retimed
 from tssgeom.engine import Engine, Track, process
 from tssgeom.rig import Rig
+from tssgeom.route.route_fit import Deferred
 from tssgeom.sensed_route import SensedRoute
 from tssgeom.stream import Frame, FrameResult, Rejected
 
@@ -119,3 +121,56 @@ def test_a_frame_that_shows_nothing_leaves_the_next_one_as_it_is_alone(hard):
         assert result.arcs.total_angle == wanted.arcs.total_angle
         assert result.arcs.total_angle_se == wanted.arcs.total_angle_se
         good, wanted = replace(good, time=good.time + 0.1), alone.push(replace(good, time=good.time + 0.1))
+
+
+def test_a_fit_that_goes_on_is_made_at_once_and_one_from_nothing_is_left_to_the_caller():
+    frames, engine, track = _frames(0), Engine(Rig(), tension_in=9.0), Track()
+    assert engine.sense_warm(frames[0], track) is None
+    wanted = process(frames, Rig(), tension_in=9.0)
+    for one, expected in zip(frames, wanted, strict=True):
+        sensed = engine.sense_warm(one, track) or engine.sense(one, track)
+        assert isinstance(sensed, SensedRoute)
+        result = engine.push(one, track=track, sensed=sensed)
+        engine.idle(track)
+        assert isinstance(result, FrameResult)
+        assert isinstance(expected, FrameResult)
+        assert result.transmission == expected.transmission
+    walk = np.cumsum(5e-3 * np.random.default_rng(0).standard_normal((40, 3)), axis=0)
+    assert engine.sense_warm(Frame(walk, 0.9), track) is None
+    assert isinstance(engine.sense(Frame(walk, 0.9), track), SensedRoute | Rejected)
+
+
+def test_the_second_frame_of_a_sender_with_long_fits_is_not_made_by_the_stream_itself():
+    with (
+        live(*TCP, "--sink", "tcp://127.0.0.1:0") as stream,
+        stream.source() as slow,
+        stream.source() as other,
+    ):
+        reader, sent, silent = stream.reader(), dict[str, float](), 0.0
+        for k in range(150):
+            if k in (10, 20, 30):
+                slow.sendall(retimed(LONG, 2.0 + k))
+            sent[f"good {k}"] = time.monotonic()
+            other.sendall(frame(0.02 * k, id=f"good {k}"))
+            reader.until("id", f"good {k}")
+            silent = max(silent, time.monotonic() - sent[f"good {k}"]) if k > 1 else 0.0
+            time.sleep(0.02)
+        reader.sock.close()
+        assert silent < shared(0.25)
+
+
+def test_threads_that_compute_different_values_do_not_wait_for_each_other():
+    begun, may_end = Event(), Event()
+
+    def slow():
+        begun.set()
+        return may_end.wait(PATIENCE)
+
+    one = Deferred(slow)
+    thread = Thread(target=lambda: one.value)
+    thread.start()
+    begun.wait(PATIENCE)
+    assert Deferred(lambda: 3).value == 3
+    may_end.set()
+    thread.join()
+    assert one.value is True

@@ -3,11 +3,16 @@
 import os
 import selectors
 import sys
+import threading
 
+import numpy as np
 import pytest
 
+from pipelines.live.priorities import lower_own_priority
 from pipelines.live.processes import SideProcess, await_ready, finish_all
 from pipelines.live.worker import Drawer
+from tssgeom import core
+from tssgeom.core.binding import give_way
 from tssgeom.view.scene.live import LivePicture
 from tssgeom.view.scene.writer import GrowingFile
 
@@ -41,3 +46,31 @@ def test_a_picture_that_finds_no_memory_is_not_tried_again_and_again(tmp_path):
         drawer.flush()
     drawer.flush()
     file.finish()
+
+
+def test_threads_for_long_fits_give_way_to_the_stream():
+    own, noted = os.getpriority(os.PRIO_PROCESS, 0), list[int]()
+
+    def work():
+        lower_own_priority(3)
+        noted.append(os.getpriority(os.PRIO_PROCESS, threading.get_native_id()))
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    thread.join()
+    assert noted == [min(own + 3, 19)]
+    assert os.getpriority(os.PRIO_PROCESS, 0) == own
+
+
+def test_an_entry_of_the_core_waits_first_in_a_thread_that_gives_way():
+    points, waited = np.random.default_rng(0).standard_normal((20, 3)), list[int]()
+
+    def work():
+        give_way(lambda: waited.append(1))
+        core.mean_spacing(points)
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    thread.join()
+    core.mean_spacing(points)
+    assert waited == [1]

@@ -3,7 +3,12 @@
 import numpy as np
 import pytest
 
-from tssgeom.route.time_filter import begun, filtered, noise_left, smoothed
+from tests.live_process import points_mm
+from tssgeom.engine import Engine
+from tssgeom.rig import Rig
+from tssgeom.route import tracking
+from tssgeom.route.time_filter import begun, filtered, noise_left, noise_ratio, smoothed
+from tssgeom.stream import Frame
 
 NOISE = 5e-4  # [m]
 S = np.linspace(0.0, 0.4, 40)
@@ -167,3 +172,22 @@ def test_a_filter_ends_where_frames_do_not_go_on(change):
         sensed = np.array(sensed)
         sensed[3, 0] = np.inf
     assert filtered(state, sensed, NOISE, time) is None
+
+
+def test_a_route_that_sways_is_tracked_where_the_filter_leaves_more_noise(monkeypatch):
+    """Else every hundredth frame of a stream at 100 Hz took 20 ms, for a fit from nothing."""
+    anew = list[int]()
+    measured = tracking.measure
+    monkeypatch.setattr(tracking, "measure", lambda *given: anew.append(1) or measured(*given))
+    engine = Engine(Rig(), tension_in=10.0)
+    for k in range(320):
+        engine.push(Frame(1e-3 * points_mm(60, 0.01 * k, k), 0.01 * k, tension_in=8.0))
+        engine.idle()
+    assert len(anew) == 1
+
+
+def test_the_noise_of_points_that_are_not_filtered_any_more_is_that_of_the_sensor():
+    state = [one for one, _, _ in streamed(MOTIONS["stands"], frames=30)][-1]
+    assert noise_ratio(None, state) == 1.0
+    assert noise_ratio(state, state) == 1.0
+    assert noise_ratio(state, None) == pytest.approx(np.sqrt(30), rel=0.2)

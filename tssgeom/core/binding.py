@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 import threading
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -39,9 +40,17 @@ _FAULTS = {  # codes of core.h
 _buffers = threading.local()
 
 
+def give_way(wait: Callable[[], object]) -> None:
+    """Let this thread call `wait` before each entry that takes long: another one may need the interpreter."""
+    _buffers.__dict__["wait"] = wait
+
+
 def scratch(name: str, size: int) -> object:
     """Return the address of so many bytes that an entry may use while it runs; each thread has its own."""
-    held = _buffers.__dict__.get(name)
+    own = _buffers.__dict__
+    if "wait" in own:
+        own["wait"]()
+    held = own.get(name)
     if held is None or held[0] < size:
         held = size, from_buffer(np.empty(size // 8 + 1))
         _buffers.__dict__[name] = held

@@ -108,12 +108,16 @@ class TrackedFit:
     """Frames that it has taken so far."""
     due: bool = False
     """Whether the steps that follow this frame are still to be made."""
+    warm_only: bool = False
+    """Whether the next fit may only go on from here: one from nothing takes ten times as long."""
     marker_axis: Vector | None = None
     """First axis across the route at the first marker, where markers sit beside the route [3]."""
     filtered: PointFilter | None = None
     """The points as filtered in time, where they are."""
     sensed_over_fitted: float = 1.0
     """Noise of the sensed points over that of those that were fitted [1]."""
+    noise_ratio: float = 1.0
+    """Noise of the points of the next frame over that of these, as the filter in time leaves it [1]."""
     first_noise: float = 0.0
     """Noise of the fit from which the warm ones began, as sensed [m]."""
     noise_bounded: bool = False

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import partial
 from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
@@ -84,10 +84,16 @@ class Deferred(Generic[Value]):
 
     compute: Callable[[], Value]
 
-    @cached_property
+    @property
     def value(self) -> Value:
-        """The value."""
-        return self.compute()
+        """The value.
+
+        Threads do not wait for each other, as those of `cached_property` do, also where the values differ:
+        two that ask at once compute it twice.
+        """
+        if "_known" not in self.__dict__:
+            self.__dict__["_known"] = self.compute()
+        return self.__dict__["_known"]
 
 
 def available(value: Value) -> Deferred[Value]:

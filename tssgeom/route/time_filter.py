@@ -180,6 +180,16 @@ def noise_left(now: PointFilter, stated: float | None) -> float | None:
     return math.sqrt(constant + now.noise**2)
 
 
+def noise_ratio(before: PointFilter | None, now: PointFilter | None) -> float:
+    """Return the noise of points over that of the last frame's [1]: a route that begins to move has more.
+
+    Without a filter, `now` as before it, they are as sensed.
+    """
+    if before is None:
+        return 1.0
+    return (before.sensed_noise if now is None else now.noise) / before.noise
+
+
 def smoothed(points: Sequence[Points], times: Sequence[float], noise: float) -> list[PointFilter | None]:
     """Filter recorded frames by those before and after them (Fraser and Potter 1969); model.md (162).
 

@@ -34,6 +34,10 @@ from tssgeom.route.route_fit import RouteFit
 from tssgeom.route.spline.fit import Spline, fit, warm
 
 
+class NotWarmError(Exception):
+    """A route has to be fitted from nothing, and the caller has no time for that."""
+
+
 def follow(shape: Shape, noise: float | None, last: TrackedFit | None, method: Method = "auto") -> TrackedFit:
     """Fit a route to a shape, starting from where a moving route was last.
 
@@ -54,6 +58,8 @@ def follow(shape: Shape, noise: float | None, last: TrackedFit | None, method: M
     ------
     FitError
         Where the points give no finite curve.
+    NotWarmError
+        Where a fit from nothing is needed, and the last one is to be `warm_only`.
     """
     tracked = None
     last = None if last is None else model_checked(last)
@@ -65,6 +71,8 @@ def follow(shape: Shape, noise: float | None, last: TrackedFit | None, method: M
         with suppress(FitError):  # a route that leaps may be lost, and fitted again from nothing
             fit = checked(tracked.fit, shape)
             return tracked if fit is tracked.fit else replace(tracked, fit=fit)
+    if last is not None and last.warm_only:
+        raise NotWarmError
     return TrackedFit.of(measure(shape, noise, method), shape.index)
 
 
@@ -73,7 +81,7 @@ def _follow_chain(
 ) -> TrackedFit | None:
     """Go on with a chain; None where it fits no longer."""
     age, known, free = last.age + 1, 0.0 if noise is None else noise * noise, shape.stations is None
-    variance = last.fit.noise**2
+    variance = (last.noise_ratio * last.fit.noise) ** 2
     chain = chain._replace(stations=_stations(shape, last, chain))
     tangents = unit = weights = None
     if shape.directions is not None:
@@ -91,6 +99,8 @@ def _follow_chain(
     data = Data(shape.points, weight, free, known, spacing, tangents, shortest)
     chain = Chain(form, chain.curved, stations, matrix, cost, square)
     pieces: ChainPieces | None = pieces_of(*cast("tuple[Any, ...]", of_pieces))
+    if not fits and last.warm_only:
+        return None
     if not fits:
         chain, pieces = fit_chain(data, chain), None
         if not _fits(data, chain, variance):
@@ -148,8 +158,8 @@ def _follow_spline(shape: Shape, noise: float | None, last: TrackedFit, method: 
     """Go on with a spline, now and then with a trial of a chain; None where few points need a new fit."""
     spline = warm(shape, noise, last.fit.spline)
     if spline is None:
-        if are_few(shape.points):
-            return None  # one λ does not stand for all
+        if are_few(shape.points) or last.warm_only:
+            return None  # of few, one λ does not stand for all
         spline = fit(shape, noise)
     smooth = with_few_points_variance(spline_fit(spline), shape)
     result = last.beside(smooth)
