@@ -29,9 +29,9 @@ from tssgeom.route.geometry import (
     with_few_points_variance,
 )
 from tssgeom.route.model_check import SCHEDULE, ModelCheck, TrackedFit, model_checked
-from tssgeom.route.observations import Shape, are_few
+from tssgeom.route.observations import Shape
 from tssgeom.route.route_fit import RouteFit
-from tssgeom.route.spline.fit import Spline, fit, warm
+from tssgeom.route.spline.fit import Spline, warm
 
 
 class NotWarmError(Exception):
@@ -155,12 +155,10 @@ def _fits(data: Data, chain: Chain, variance: float) -> bool:
 
 
 def _follow_spline(shape: Shape, noise: float | None, last: TrackedFit, method: Method) -> TrackedFit | None:
-    """Go on with a spline, now and then with a trial of a chain; None where few points need a new fit."""
+    """Go on with a spline, now and then with a trial of a chain; None where it fits no longer."""
     spline = warm(shape, noise, last.fit.spline)
     if spline is None:
-        if are_few(shape.points) or last.warm_only:
-            return None  # of few, one λ does not stand for all
-        spline = fit(shape, noise)
+        return None
     smooth = with_few_points_variance(spline_fit(spline), shape)
     result = last.beside(smooth)
     now = _now(result, shape, last, last.candidate)
