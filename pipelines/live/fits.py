@@ -64,9 +64,6 @@ class FitLimits:
     checked_inline: int = 300
     """Points up to which the stream makes the model check of a frame itself [1]; measured: it takes up to
     7 µs of each point, and 5 ms are the time in which others are to be answered."""
-    niceness: int = 5
-    """What the niceness of the threads exceeds that of the stream by [1]; chosen: the stream has a core when
-    it wakes, and the threads are not far behind what else the machine does."""
 
 
 _LIMITS = FitLimits()
@@ -247,7 +244,7 @@ class Fits:
             self.awake.release()
 
     def _serve(self, work: SimpleQueue[LongFit]) -> None:
-        lower_own_priority(_LIMITS.niceness)
+        lower_own_priority()
         give_way(self._give_way)
         while True:
             fit, begun = work.get(), thread_time()

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import os
-import sys
-import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
@@ -16,20 +14,17 @@ def set_niceness(pid: int, niceness: int) -> None:
     _each_thread(pid, lambda thread: os.setpriority(os.PRIO_PROCESS, thread, niceness))
 
 
-def lower_own_priority(niceness: int) -> None:
-    """Let the thread that calls this give way to the others of its process; elsewhere than on Linux nothing.
+def lower_own_priority() -> None:
+    """Let the thread that calls this give way to the others of its process, where they have real-time priority.
 
-    Where they have a priority of real time, it has one less; else it is nicer by so much.
+    Else it stays as it is: a nicer thread would starve beside other programs, and its frames would be late.
     """
-    if not hasattr(os, "SCHED_RR") or not sys.platform.startswith("linux"):
+    if not hasattr(os, "SCHED_RR"):
         return
-    thread = threading.get_native_id()
     with suppress(OSError):
-        policy, priority = os.sched_getscheduler(thread), os.sched_getparam(thread).sched_priority
+        policy, priority = os.sched_getscheduler(0), os.sched_getparam(0).sched_priority  # 0: this thread
         if policy in (os.SCHED_RR, os.SCHED_FIFO):
-            os.sched_setscheduler(thread, policy, os.sched_param(max(priority - 1, 1)))
-        else:
-            os.setpriority(os.PRIO_PROCESS, thread, os.getpriority(os.PRIO_PROCESS, thread) + niceness)
+            os.sched_setscheduler(0, policy, os.sched_param(max(priority - 1, 1)))
 
 
 def _each_thread(pid: int, change: Callable[[int], None]) -> None:
