@@ -15,7 +15,7 @@ def set_niceness(pid: int, niceness: int) -> None:
 
 
 def lower_own_priority() -> None:
-    """Let the thread that calls this give way to the others of its process, where they have real-time priority.
+    """Let the thread that calls this give way to the others of its process, where those run in real time.
 
     Else it stays as it is: a nicer thread would starve beside other programs, and its frames would be late.
     """
