@@ -27,6 +27,7 @@ class EvidenceScale:
 
 EVIDENCE_SCALE = EvidenceScale()
 _THROUGH = (3, 5, 7)  # readings whose differences show the noise; derived: lines to quintics vanish
+_FLICKER = 0.1  # of the readings, where a display begins or ceases to repeat itself [1]; chosen: holds last
 
 
 def root_mean_square(values: np.ndarray) -> float:
@@ -49,7 +50,8 @@ def reading_noise(readings: Vector, time: Vector | None = None) -> float:
 
     Each reading is held against polynomials through its neighbours, the smoothest of which counts: a drive
     that swings like a sine bends more from sample to sample than a good encoder's noise. Where most readings
-    repeat their neighbours, the smallest step is the digit of a display: the noise is that of rounding to it.
+    repeat their neighbours or step as they do, the smallest step is the digit of a display, and the noise is
+    that of rounding to it.
 
     Parameters
     ----------
@@ -61,11 +63,12 @@ def reading_noise(readings: Vector, time: Vector | None = None) -> float:
     when = np.arange(len(readings), dtype=float) if time is None else time
     spread = [_off_polynomial(when, readings, points) for points in _THROUGH if len(readings) > points]
     rounding = ROUNDING.exact * float(np.max(np.abs(readings), initial=0.0))
-    if spread and spread[0] > rounding:
-        return min(each for each in spread if each > rounding)
     steps = np.abs(np.diff(readings))
-    steps = steps[steps > rounding]
-    return float(steps.min()) / np.sqrt(12.0) if len(steps) else 0.0
+    moved = steps > rounding
+    stepwise = np.count_nonzero(np.diff(moved)) > _FLICKER * len(steps)
+    if spread and spread[0] > (rounding if stepwise else 0.0):
+        return min(each for each in spread if each > 0.0)
+    return float(steps[moved].min()) / np.sqrt(12.0) if moved.any() else 0.0
 
 
 def _off_polynomial(time: Vector, readings: Vector, points: int) -> float:

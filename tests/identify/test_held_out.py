@@ -78,7 +78,7 @@ def test_a_part_too_small_to_be_measured_is_not_contradicted(clean):
     held, at = clean
     rises = [held.rise(at, with_part(at, LoadDependentFriction(exponent=size))) for size in (-1e-3, 1e-3)]
     assert max(rises) < 1.96**2  # no contradiction
-    assert min(rises) < 0.0  # one of both signs is nearer to the readings
+    assert np.abs(rises).max() < 1.0  # a third of the exponent's standard error decides nothing
 
 
 def test_a_model_is_simulated_once_however_often_it_is_asked_for(clean, monkeypatch):

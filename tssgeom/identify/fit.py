@@ -278,17 +278,14 @@ def whitening(errors: Errors) -> Whitening:
 def base_fit(readings: Sequence[Reading], rig: Rig) -> tuple[Problem, Errors, Fit]:
     """Fit friction and compliance to the runs; errors and bars are those of a first fit.
 
-    Where that leaves more than the sensors explain, a first fit without shared errors is tried too, and the
-    better of both counts; (247).
+    A first fit without shared errors is tried too, and the better of both counts; (247).
     """
     stack = stacked(readings)
     start = Point(max(rig.friction.coefficient, 1e-3), rig.tendon.compliance_per_N)
     first, errors = posed(stack, rig, start)
-    best = _fitted_again(refined(first, start).at, stack, rig)
-    if explained(best[2].chi2, stack.size):
-        return best
-    alone = refined(replace(first, whitening=unshared(errors.sigma)), start).at
-    return min(best, _fitted_again(alone, stack, rig), key=lambda each: each[2].chi2)
+    alone = replace(first, whitening=unshared(errors.sigma))
+    fits = (_fitted_again(refined(each, start).at, stack, rig) for each in (first, alone))
+    return min(fits, key=lambda each: each[2].chi2)
 
 
 def _fitted_again(at: Point, stack: Stack, rig: Rig) -> tuple[Problem, Errors, Fit]:
