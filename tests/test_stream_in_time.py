@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from tests.route.test_ratio_average import random_course
-from tssgeom import frame as frame_module
+from tssgeom import smoothed_frames
 from tssgeom.engine import alone, process, recorded
-from tssgeom.frame import Frame, Window
+from tssgeom.frame import Frame
 from tssgeom.rig import Rig, ShapeSensor
 from tssgeom.route.pieces import Arcs
 from tssgeom.route.synthetic import chain, positions
@@ -87,7 +87,7 @@ def test_a_recording_in_which_the_tendon_goes_on_is_known_by_the_frames_to_come_
 
 
 def test_a_recording_longer_than_a_window_keeps_its_frames_in_order(monkeypatch):
-    monkeypatch.setattr(frame_module, "_WINDOW", Window(points=100, most=9, overlap=4))
+    monkeypatch.setattr(smoothed_frames, "_WINDOW", smoothed_frames.Window(points=100, most=9, overlap=4))
     frames: list[Frame | Rejected] = list(stream(4))[:30]
     frames[11] = Rejected(0, 0.22, "no points")
     results = list(recorded(frames, Rig(), tension_in=10.0))

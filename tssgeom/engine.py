@@ -11,12 +11,13 @@ from typing import TypeVar
 
 from tssgeom.adapt.follower import Follower
 from tssgeom.errors import TssgeomError
-from tssgeom.frame import Frame, smoothed_in_time, smoothed_in_windows
+from tssgeom.frame import Frame
 from tssgeom.plausibility.frames import FrameWatch
 from tssgeom.rig import Rig
 from tssgeom.route.time_filter import PointFilter
 from tssgeom.route.tracking import NotWarmError, TrackedFit, model_checked
 from tssgeom.sensed_route import SensedRoute, sensed_route
+from tssgeom.smoothed_frames import smoothed_in_time, smoothed_in_windows
 from tssgeom.stream import (
     Carried,
     FrameResult,

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from itertools import islice
-from typing import NamedTuple, TypeVar
 
 import numpy as np
 
 from tssgeom.arrays import Matrix, Points, Vector, read_only, rows_at
-from tssgeom.errors import SettingsError, ShapeError, TssgeomError
+from tssgeom.errors import SettingsError, ShapeError
 from tssgeom.result import Result
 from tssgeom.rig import Rig, Source
 from tssgeom.route.directions import NOISE_PRIOR as DIRECTION_NOISE
@@ -27,7 +24,7 @@ from tssgeom.route.order import along_the_shortest_path
 from tssgeom.route.resolution import NO_ERRORS, SharedErrors, sheath_resolution
 from tssgeom.route.route_fit import RouteFit
 from tssgeom.route.shared_errors import posterior_of_source, with_hidden_errors, with_shared_errors
-from tssgeom.route.time_filter import PointFilter, begun, filtered, noise_left, noise_ratio, smoothed
+from tssgeom.route.time_filter import PointFilter, begun, filtered, noise_left, noise_ratio
 from tssgeom.route.tip import TipReadings, fit_tip
 from tssgeom.route.tracking import NotWarmError, TrackedFit, follow
 from tssgeom.tendon.capstan import check_tension
@@ -36,21 +33,6 @@ _ASTRAY = 2.0  # noise of a warm fit over that of the first one, above which it 
 _ERRORS_EVERY = 64  # frames between two estimates of what errors that neighbours share mean [1]; chosen
 
 _NOISE_OF_POINTS = "noise_mm is that of points, and a fibre does not use it: state curvature_noise_per_m"
-_T = TypeVar("_T")
-
-
-class Window(NamedTuple):
-    """How much of a recording is smoothed at a time."""
-
-    points: int = 50_000
-    """Points of all frames [1]. Chosen: their filters take 40 MB."""
-    most: int = 512
-    """Frames [1]. Chosen: beyond them the noise that is left hardly falls."""
-    overlap: int = 32
-    """Frames before and after those that are smoothed [1]. Chosen: a filter that moves remembers fewer."""
-
-
-_WINDOW = Window()
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -225,37 +207,6 @@ def _source(frame: Frame, rig: Rig) -> tuple[Source | None, float | None]:
     given, sheath = rig.shape, rig.sheath
     stated = given.resolution or sheath_resolution(sheath.diameter, sheath.least_radius)
     return given.source or frame.source, stated
-
-
-def smoothed_in_time(frames: Sequence[object], rig: Rig) -> dict[int, PointFilter]:
-    """Filter the points of recorded frames by those before and after each; by the count of the frame."""
-    usable = {
-        i: frame for i, frame in enumerate(frames) if isinstance(frame, Frame) and frame.curvatures is None
-    }
-    if not rig.shape.time_filter or len(usable) < 2:
-        return {}
-    for frame in usable.values():
-        with suppress(TssgeomError, ArithmeticError):
-            noise = fit_frame(frame, rig)[1].fit.noise
-            points, times = zip(*((one.points, one.time) for one in usable.values()), strict=True)
-            results = zip(usable, smoothed(points, times, noise), strict=True)
-            return {i: points for i, points in results if points is not None}
-    return {}
-
-
-def smoothed_in_windows(frames: Iterable[_T], rig: Rig) -> Iterator[tuple[_T, PointFilter | None]]:
-    """Yield frames with the filters of their points, where these go on."""
-    rest = iter(frames)
-    first = list(islice(rest, 1))
-    points = max(first[0].points.shape[0], 1) if first and isinstance(first[0], Frame) else 1
-    count = min(max(_WINDOW.points // points, _WINDOW.overlap), _WINDOW.most)
-    before, block = list[_T](), first + list(islice(rest, count))
-    while block:
-        after = list(islice(rest, count))
-        known = smoothed_in_time((*before, *block, *after[: _WINDOW.overlap]), rig)
-        for i, frame in enumerate(block, len(before)):
-            yield frame, known.get(i)
-        before, block = block[-_WINDOW.overlap :], after
 
 
 def noise_of(frame: Frame, rig: Rig) -> float | None:

@@ -11,11 +11,9 @@ from tssgeom.frame import Frame, fit_frame, with_shared_errors_of
 from tssgeom.rig import Rig
 from tssgeom.route.observations import Shape
 from tssgeom.route.resolution import SharedErrors
-from tssgeom.route.route_fit import RouteFit
+from tssgeom.route.route_fit import LOST, RouteFit
 from tssgeom.route.time_filter import PointFilter
 from tssgeom.route.tracking import NotWarmError, TrackedFit
-
-_LOST = 2.0 * math.pi  # standard error of Φ from which a frame is no start for the next [rad]; chosen: a turn
 
 
 class SensedRoute(NamedTuple):
@@ -47,7 +45,7 @@ def sensed_route(
     if (
         last is None
         or frame.curvatures is not None
-        or math.hypot(last.fit.arcs.total_angle_se, last.errors.angle) < _LOST
+        or math.hypot(last.fit.arcs.total_angle_se, last.errors.angle) < LOST
     ):
         return _sensed(frame, rig, last, points)
     if last.warm_only:

@@ -130,12 +130,15 @@ class Session:
         else:
             self._measure_interval(arrival)
             frame = self._on_tendon_clock(arrival.frame, arrival.sender)
-            if self.fits.are_quick(arrival, len(frame.points)) and self._answered_now(arrival, frame):
-                pass
-            elif (dropped := self.fits.begin(arrival, frame)) is not None:
-                self.mailbox.dropped += 1
-                self._refuse_all(dropped)
+            quick = self.fits.are_quick(arrival, len(frame.points))
+            if not (quick and self._answered_now(arrival, frame)):
+                self._begin_fit(arrival, frame)
         self.mailbox.charge(arrival.sender, 1e-9 * (perf_counter_ns() - begun))
+
+    def _begin_fit(self, arrival: Arrival, frame: Frame) -> None:
+        if (dropped := self.fits.begin(arrival, frame)) is not None:
+            self.mailbox.dropped += 1
+            self._refuse_all(dropped)
 
     def _answered_now(self, arrival: Arrival, frame: Frame) -> bool:
         """Answer a frame whose fit goes on from the last one; return whether it does."""

@@ -92,6 +92,11 @@ class Work:
     laws: LawSearch | None = None
     """Where no name explained the readings, and laws helped."""
 
+    @property
+    def chi2(self) -> float:
+        """Squares of the readings that names, or else laws, leave [1]."""
+        return self.chosen.fit.chi2 if self.laws is None else self.laws.fit.chi2
+
 
 def base_estimates(fit: Fit, nominal: Rig) -> dict[str, Estimate]:
     """Return friction and compliance with their 95 % intervals; the angle gain blurs friction."""

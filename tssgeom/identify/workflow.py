@@ -99,8 +99,7 @@ def discover(
 
 
 def _explains(work: Work) -> bool:
-    fit = work.chosen.fit if work.laws is None else work.laws.fit
-    return work.judged.verdict != "unknown" and explained(fit.chi2, work.chosen.problem.stack.size)
+    return work.judged.verdict != "unknown" and explained(work.chi2, work.chosen.problem.stack.size)
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,12 +127,11 @@ def _by_tension(
     Where a part was named with the position, only if the tension needs none.
     """
     runs, rows = started.runs, started.problem.stack.size
-    fit = work.chosen.fit if work.laws is None else work.laws.fit
     named = work.judged.verdict != "unknown" and not work.judged.reason
     if (
         runs[0].drive == "tension_in_N"
         or explained(started.base.chi2, rows)
-        or (named and explained(fit.chi2, rows))
+        or (named and explained(work.chi2, rows))
     ):
         return None
     if any("tension_in_N" not in run.measured or len(run.measured) < 2 for run in runs):

@@ -54,6 +54,7 @@ class AgreementLimits:
 
 LENGTH = LengthLimits()
 AGREEMENT = AgreementLimits()
+LOST = 2.0 * math.pi  # standard error of Φ from which a frame is no start for the next [rad]; chosen: a turn
 
 
 class Turned(NamedTuple):

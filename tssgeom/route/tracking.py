@@ -99,9 +99,9 @@ def _follow_chain(
     data = Data(shape.points, weight, free, known, spacing, tangents, shortest)
     chain = Chain(form, chain.curved, stations, matrix, cost, square)
     pieces: ChainPieces | None = pieces_of(*cast("tuple[Any, ...]", of_pieces))
-    if not fits and last.warm_only:
-        return None
     if not fits:
+        if last.warm_only:
+            return None
         chain, pieces = fit_chain(data, chain), None
         if not _fits(data, chain, variance):
             return None

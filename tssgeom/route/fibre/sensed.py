@@ -18,11 +18,10 @@ from tssgeom.route.fibre.models import LastNoise, Sensed, kinds_of, noises, part
 from tssgeom.route.fibre.route import fit_of_draws, fit_of_pieces
 from tssgeom.route.geometry import Method
 from tssgeom.route.observations import Shape
-from tssgeom.route.route_fit import AGREEMENT, RouteFit
+from tssgeom.route.route_fit import AGREEMENT, LOST, RouteFit
 
 MIN_GRATINGS = 3
 _MOST_CELLS = 200  # values for the estimators, whose time is quadratic; of more, neighbours are averaged
-_LOST = 2.0 * math.pi  # standard error of Φ from which a frame is no start for the next [rad]; chosen: a turn
 _MOST_TURN = math.pi  # from grating to grating, beyond which the unit must be wrong [rad]
 
 
@@ -56,7 +55,7 @@ class FibreFit:
     @property
     def start(self) -> LastNoise | None:
         """Noise from which the next frame starts; None where it is known, or where Φ was lost."""
-        if not self.curvature_noise_se > 0.0 or self.fit.arcs.total_angle_se >= _LOST:
+        if not self.curvature_noise_se > 0.0 or self.fit.arcs.total_angle_se >= LOST:
             return None
         return LastNoise(self.curvature_noise, self.curvature_noise_se / self.curvature_noise)
 

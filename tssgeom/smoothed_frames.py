@@ -1,0 +1,60 @@
+"""Points of recorded frames, filtered by those before and after each; docs/model.md (162)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
+from itertools import islice
+from typing import NamedTuple, TypeVar
+
+from tssgeom.errors import TssgeomError
+from tssgeom.frame import Frame, fit_frame
+from tssgeom.rig import Rig
+from tssgeom.route.time_filter import PointFilter, smoothed
+
+_T = TypeVar("_T")
+
+
+class Window(NamedTuple):
+    """How much of a recording is smoothed at a time."""
+
+    points: int = 50_000
+    """Points of all frames [1]. Chosen: their filters take 40 MB."""
+    most: int = 512
+    """Frames [1]. Chosen: beyond them the noise that is left hardly falls."""
+    overlap: int = 32
+    """Frames before and after those that are smoothed [1]. Chosen: a filter that moves remembers fewer."""
+
+
+_WINDOW = Window()
+
+
+def smoothed_in_time(frames: Sequence[object], rig: Rig) -> dict[int, PointFilter]:
+    """Filter the points of recorded frames by those before and after each; by the count of the frame."""
+    usable = {
+        i: frame for i, frame in enumerate(frames) if isinstance(frame, Frame) and frame.curvatures is None
+    }
+    if not rig.shape.time_filter or len(usable) < 2:
+        return {}
+    for frame in usable.values():
+        with suppress(TssgeomError, ArithmeticError):
+            noise = fit_frame(frame, rig)[1].fit.noise
+            points, times = zip(*((one.points, one.time) for one in usable.values()), strict=True)
+            results = zip(usable, smoothed(points, times, noise), strict=True)
+            return {i: points for i, points in results if points is not None}
+    return {}
+
+
+def smoothed_in_windows(frames: Iterable[_T], rig: Rig) -> Iterator[tuple[_T, PointFilter | None]]:
+    """Yield frames with the filters of their points, where these go on."""
+    rest = iter(frames)
+    first = list(islice(rest, 1))
+    points = max(first[0].points.shape[0], 1) if first and isinstance(first[0], Frame) else 1
+    count = min(max(_WINDOW.points // points, _WINDOW.overlap), _WINDOW.most)
+    before, block = list[_T](), first + list(islice(rest, count))
+    while block:
+        after = list(islice(rest, count))
+        known = smoothed_in_time((*before, *block, *after[: _WINDOW.overlap]), rig)
+        for i, frame in enumerate(block, len(before)):
+            yield frame, known.get(i)
+        before, block = block[-_WINDOW.overlap :], after
