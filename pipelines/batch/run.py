@@ -36,6 +36,7 @@ from tssgeom.io.results.shapes import relative
 from tssgeom.io.results.tables import write_summary
 from tssgeom.io.storage import Folder
 from tssgeom.view.figures.style import StyleName
+from tssgeom.view.report.kinds import kinds
 from tssgeom.view.report.outlying_inputs import OutlyingInput, outlying_inputs
 from tssgeom.view.report.report import Rendered, ReportEntry, rendered, write_report
 
@@ -131,8 +132,11 @@ def run(
 
 
 def _print_end(batch: Batch, options: BatchOptions, out: str) -> None:
+    if len(several := kinds([done.row for done in batch.finished])) > 1:
+        for kind in several[: _LIMITS.most_outlying]:
+            print_line(f"kind: {kind.words}")
     for one in batch.outlying[: (most := _LIMITS.most_outlying)]:
-        print_line(f"stands out: {one.name}: {one.words} (z = {one.z:.0f})")
+        print_line(f"stands out: {one.name}: {one.words}")
     if len(batch.outlying) > most:
         print_line(f"stand out: {len(batch.outlying) - most} more inputs, all in the report")
     picture = f"   picture: tssgeom view {out}" if options.pictures else ""

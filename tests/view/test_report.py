@@ -8,11 +8,13 @@ from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from tssgeom.errors import SourceError
 from tssgeom.rig import Rig
 from tssgeom.stream import FrameResult, Rejected
+from tssgeom.view.report.kinds import kinds
 from tssgeom.view.report.outlying_inputs import outlying_inputs
 from tssgeom.view.report.report import ReportEntry, rendered, section, write_report
 from tssgeom.view.wording import with_error
@@ -179,6 +181,49 @@ def test_every_outlying_input_is_listed_with_both_distances() -> None:
     assert [one.name for one in listed] == ["s6", "s5", "s4", "s9", "s3", "s2", "s1", "s0"]
     assert listed[0].own == pytest.approx((2.1 - 1.01) / 0.01, abs=1.0)  # the median lies about there
     assert "Φ 11.5°, the others about 58.2°; noise 0.4 mm, the others about 0.1 mm" in listed[3].words
+
+
+def mixed() -> list[dict[str, Any]]:
+    """Three instruments in one folder: needles, catheters that bend more, and half as many long colons."""
+    rows, random = list[dict[str, Any]](), np.random.default_rng(3).uniform
+    for name, count, length, angle, noise in (
+        ("needle", 40, 0.15, 0.2, 1e-4),
+        ("catheter", 40, 0.5, 2.0, 3e-4),
+        ("colon", 20, 1.3, 9.0, 5e-4),
+    ):
+        for k in range(count):
+            of = {
+                "length_m": length * (1 + random(-0.002, 0.002)),
+                "total_angle_rad": angle * (1 + random(-0.1, 0.1)),
+            }
+            out = 15 * np.exp(-0.145 * of["total_angle_rad"])
+            noises = {"noise_rms_m": noise * np.exp(random(-0.1, 0.1)), "noise_m": noise}
+            rows.append(summary(f"{name}{k}", **of, tension_out_N=out, **noises))
+    return rows
+
+
+def test_in_a_folder_of_several_kinds_no_kind_hides_what_is_wrong_in_another() -> None:
+    rows = mixed()
+    assert [len(kind.members) for kind in kinds(rows)] == [40, 40, 20]
+    assert outlying_inputs(rows) == []
+    rows[3] |= {"noise_rms_m": 5e-4}  # as that of a colon
+    rows[45] |= {"total_angle_rad": 3.4}
+    rows[50] |= {"length_m": 0.36}
+    rows[60] |= {"warned": 1, "warnings": ["12 points missing, bridged"]}
+    listed = outlying_inputs(rows)
+    assert {one.name for one in listed[:3]} == {"needle3", "catheter5", "catheter10"}
+    assert [(one.name, one.words) for one in listed[3:]] == [
+        ("catheter20", "warning: 12 points missing, bridged")
+    ]
+
+
+def test_inputs_that_are_wrong_in_one_way_are_a_kind_of_their_own(still, tmp_path: Path) -> None:
+    rows = mixed()
+    for row in rows[:6]:
+        row["length_m"] *= 25.4
+    assert [len(kind.members) for kind in kinds(rows)] == [40, 34, 20, 6]
+    text = glance(tmp_path / "a.html", ["a"], still[0], summary=rows)
+    assert "6 inputs such as needle0: L 3810 mm" in re.sub(r"38\d\d mm", "3810 mm", text)
 
 
 @pytest.mark.filterwarnings("error")

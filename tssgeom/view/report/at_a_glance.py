@@ -13,6 +13,7 @@ import numpy as np
 
 from tssgeom.view.quantities import ANGLE, TENSION_OUT
 from tssgeom.view.report.chart import Chart, limits_of
+from tssgeom.view.report.kinds import kinds
 from tssgeom.view.report.outlying_inputs import OutlyingInput
 from tssgeom.view.report.page import with_subscripts
 
@@ -57,6 +58,18 @@ def _histogram(title: str, unit: str, values: np.ndarray, marked: np.ndarray) ->
     chart.bars(edges, heights, _BAR)
     chart.dots(values[marked], np.full(marked.sum(), 1.09 * top), [_MARK] * int(marked.sum()), 3.0)
     return chart.svg()
+
+
+def kinds_list(rows: Sequence[Row]) -> str:
+    """Write the kinds of inputs where there are several; each input is compared with those of its kind."""
+    named = kinds(rows)
+    if len(named) < 2:
+        return ""
+    items = "".join(f"<li>{html.escape(each.words)}</li>" for each in named)
+    return (
+        f"<h3>Kinds of inputs ({len(named)})</h3>\n<p>They are clearly apart in L, Φ or noise. Outlying "
+        f"inputs differ from those of their kind.</p>\n<ul>{items}</ul>"
+    )
 
 
 def outlying_table(inputs: Sequence[OutlyingInput], linked: Collection[str]) -> str:

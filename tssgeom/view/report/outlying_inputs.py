@@ -1,9 +1,9 @@
-"""Outlying inputs of a batch: those that differ from the others, and in which feature."""
+"""Outlying inputs of a batch: those that differ from the others of their kind, and in which feature."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,6 +11,7 @@ import numpy as np
 
 from tssgeom.core.constants import ROUNDING
 from tssgeom.statistics import robust_sd
+from tssgeom.view.report.kinds import kinds, log_noise
 
 Row = Mapping[str, Any]
 
@@ -32,16 +33,15 @@ class OutlyingLimits:
 
 
 LIMITS = OutlyingLimits()
-_LEAST_NOISE = 1e-9  # m, so that its logarithm is finite
 
 
 @dataclass(frozen=True, slots=True)
 class OutlyingInput:
-    """An input that differs from the others, and in which features, the largest z first."""
+    """An input that differs from the others of its kind, and in which features, the largest z first."""
 
     name: str
     z: float
-    """Largest distance from the median of all inputs, in robust standard deviations."""
+    """Largest distance from the median of its kind, in robust standard deviations."""
     words: str
     own: float = math.nan
     """The same distance in standard errors of the input itself [1]; NaN where its feature has none."""
@@ -61,6 +61,8 @@ class _Feature:
     """Standard error of the value by the input's own noise; None where there is none."""
     both_sides: bool = False
     """Whether values below those of the others count too."""
+    counted: bool = False
+    """Whether it is a share of frames and no measurement."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,20 +75,28 @@ class _Score:
 
 
 def outlying_inputs(rows: Sequence[Row]) -> list[OutlyingInput]:
-    """Return the inputs that differ from the others, the largest z first; rows are those of the summary.
+    """Return the inputs that differ from the others of their kind; rows are those of the summary.
 
     Compared are L, Φ, T_out, the change of Φ over an input, its noise, and the shares of frames that were
     rejected or gave a warning. A difference counts that is large beside the spread of the others and beside
-    the error that the input's own noise gives it.
+    the error that the input's own noise gives it. Those that differ in what was measured come first, the
+    largest z before the others.
     """
+    outlying = [each for kind in kinds(rows) for each in _of_kind([rows[k] for k in kind.members])]
+    return [each for _, each in sorted(outlying, key=lambda one: (one[0], -one[1].z))]
+
+
+def _of_kind(rows: Sequence[Row]) -> Iterator[tuple[bool, OutlyingInput]]:
+    """Yield the outlying inputs of one kind, with whether only shares of their frames are outlying."""
     if len(rows) < LIMITS.fewest:
-        return []
+        return
     scores = [_scores(rows, feature) for feature in _FEATURES]
-    inputs = (_outlying(rows[k], k, scores) for k in range(len(rows)))
-    return sorted((each for each in inputs if each is not None), key=lambda each: -each.z)
+    for k, row in enumerate(rows):
+        if (each := _outlying(row, k, scores)) is not None:
+            yield each
 
 
-def _outlying(row: Row, k: int, scores: Sequence[_Score]) -> OutlyingInput | None:
+def _outlying(row: Row, k: int, scores: Sequence[_Score]) -> tuple[bool, OutlyingInput] | None:
     differing = [
         (float(score.z[k]), float(score.own[k]), feature, score.median)
         for feature, score in zip(_FEATURES, scores, strict=True)
@@ -94,13 +104,18 @@ def _outlying(row: Row, k: int, scores: Sequence[_Score]) -> OutlyingInput | Non
     ]
     if not differing:
         return None
-    differing.sort(key=lambda one: -one[0])
-    words = "; ".join(
-        f"{feature.title} {feature.text(feature.of(row))}, the others about {feature.text(median)}"
-        for _, _, feature, median in differing
-    )
-    z, own, _, _ = differing[0]
-    return OutlyingInput(str(row["name"]), z, words, own if math.isfinite(own) else math.nan)
+    differing.sort(key=lambda one: (one[2].counted, -one[0]))
+    words = "; ".join(_words(row, feature, median) for _, _, feature, median in differing)
+    z, own, feature, _ = differing[0]
+    own = own if math.isfinite(own) else math.nan
+    return feature.counted, OutlyingInput(str(row["name"]), z, words, own)
+
+
+def _words(row: Row, feature: _Feature, median: float) -> str:
+    """Write a value beside that of the others; of the one frame of a shape, the warnings themselves."""
+    if feature.title == _WARNINGS and row["frames"] == 1 and row.get("warnings"):
+        return f"warning: {'; '.join(row['warnings'])}"
+    return f"{feature.title} {feature.text(feature.of(row))}, the others about {feature.text(median)}"
 
 
 def _scores(rows: Sequence[Row], feature: _Feature) -> _Score:
@@ -125,6 +140,7 @@ def _share_of(key: str) -> Callable[[Sequence[Row]], float]:
     return lambda rows: LIMITS.least_share * max(float(np.median([row[key] for row in rows])), 1e-12)
 
 
+_WARNINGS = "warnings in"
 _FEATURES = (
     _Feature(
         lambda row: row["total_angle_max_rad"] - row["total_angle_min_rad"],
@@ -159,7 +175,7 @@ _FEATURES = (
         both_sides=True,
     ),
     _Feature(
-        lambda row: math.log(max(row["noise_rms_m"], _LEAST_NOISE)),
+        log_noise,
         lambda rows: LIMITS.least_log_noise_sd,
         "noise",
         lambda value: f"{1e3 * math.exp(value):.2g} mm",
@@ -169,11 +185,13 @@ _FEATURES = (
         lambda rows: LIMITS.least_share_sd,
         "rejected",
         lambda value: f"{100 * value:.3g} % of the frames",
+        counted=True,
     ),
     _Feature(
         lambda row: row["warned"] / max(row["frames"] - row["rejected"], 1),
         lambda rows: LIMITS.least_share_sd,
-        "warnings in",
+        _WARNINGS,
         lambda value: f"{100 * value:.3g} % of the frames",
+        counted=True,
     ),
 )

@@ -22,6 +22,7 @@ from tssgeom.view.report.at_a_glance import (
     breakable,
     distributions,
     input_name,
+    kinds_list,
     outlying_table,
     rejected_table,
 )
@@ -92,7 +93,7 @@ def write_report(
     summary
         Rows of the summary, for the distributions.
     outlying
-        Inputs that differ from the others, the largest z first.
+        Inputs that differ from the others of their kind, in their order.
     notes
         Further paragraphs at the head.
     title
@@ -115,7 +116,7 @@ def write_report(
         statement=_statement(rig, tension_in),
         head="".join(f"<th><button>{_text(column)}</button></th>" for column in COLUMNS),
         rows="\n".join(entry.row for entry in entries),
-        outlying=outlying_table(outlying, linked),
+        outlying=kinds_list(summary) + outlying_table(outlying, linked),
         rejected=rejected_table([entry.rejections for entry in entries if entry.rejections]),
         sections="\n".join(sections),
     )
