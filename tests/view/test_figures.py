@@ -153,6 +153,33 @@ def test_the_names_of_both_ends_lie_inside_the_figure(angle: float) -> None:
         assert box.y1 <= drawing.bbox.height
 
 
+@pytest.mark.parametrize("turn", [0.0, 1.0, 2.5, 4.0])
+def test_on_a_closed_route_each_name_is_nearest_to_its_own_end(turn: float) -> None:
+    circle = arc(80, 6.1, 0.5 / 6.1) @ np.array(
+        [[np.cos(turn), np.sin(turn), 0.0], [-np.sin(turn), np.cos(turn), 0.0], [0.0, 0.0, 1.0]]
+    )
+    drawing = route_figure(analysed([Frame(circle)])[0])
+    FigureCanvasAgg(drawing).draw()
+    names = {text.get_text(): text for text in drawing.findobj(Text)}
+    axes = drawing.axes[0]
+    ends = axes.transData.transform(axes.lines[0].get_xydata()[[0, -1]])
+    for own, name in enumerate(("proximal", "distal")):
+        box = names[name].get_window_extent()
+        corners = np.array([[box.x0, box.y0], [box.x1, box.y1]])
+        off = [np.linalg.norm(np.maximum(np.maximum(corners[0] - end, end - corners[1]), 0)) for end in ends]
+        assert off[own] < off[1 - own]
+    foot = min(names[letter].get_window_extent().y0 for letter in "xyz")
+    assert foot >= axes.child_axes[0].bbox.y1
+
+
+def test_a_recording_without_a_drive_has_no_empty_panel_over_it(moving: list[FrameResult]) -> None:
+    held = analysed([Frame(each.frame.points, each.frame.time) for each in moving])
+    assert "transmission" not in figures_of(held[3], series_of(held))
+    entry = ReportEntry.of("held", held, timed=True)
+    assert "over T_in" not in re.sub(r"<[^>]*>", "", section(entry, held[3]))
+    assert "highest peaks" not in section(entry, held[3])
+
+
 @pytest.mark.parametrize("name", ["still route", "run transmission", "found heat"])
 def test_a_pdf_holds_its_fonts_at_its_true_width_and_an_svg_needs_none(figures, name, tmp_path):
     for ending in VECTOR:

@@ -83,12 +83,12 @@ def _of_simulation(simulation: Simulation) -> Drawings:
 
 
 def _of_series(run: Series) -> Drawings:
-    """Return the plots of tension, elongation and, where it moves, Φ, over time and over the drive."""
+    """Return the plots of tension, elongation and, where it moves, Φ, over time and over a varying drive."""
     from tssgeom.view.figures.runs import draw_over_drive, draw_over_time
 
     over_time = {"tension": TENSION_OUT, "elongation": ELONGATION}
     over_time |= {} if run.angle is None else {"angle": ANGLE}
-    over_drive = {"transmission": TENSION_OUT, "elongation_loop": ELONGATION}
+    over_drive = {"transmission": TENSION_OUT, "elongation_loop": ELONGATION} if run.driven else {}
     return {
         name: _with_legend(partial(draw, run=run, quantity=quantity))
         for draw, named in ((draw_over_time, over_time), (draw_over_drive, over_drive))

@@ -22,25 +22,23 @@ from tssgeom.view.scene.camera import camera
 
 NODES = 128
 """Nodes of a route in a figure; chosen: enough for a line of this size."""
-_HEIGHT = 2.3  # inch
+_HEIGHT = 2.9  # inch
 _SHADES = 64
 _ENDS = "proximal", "distal"
-_BORDER, _FOOT = np.array([44.0, 15.0]), np.array([0.0, 26.0])
+_BORDER, _FOOT = np.array([44.0, 17.0]), np.array([0.0, 26.0])
 """Room beside and above the route for the names of its ends, and height of the strip below it for scale bar
 and axes of space [pt]; as all sizes here chosen by eye on the sample shapes."""
 _NAME, _CLEAR, _TRIAD = np.array([24.0, 6.0]), 4.0, 13.0
 """Half of the size of the name of an end, its least distance from the route, and length of the axes [pt]."""
-_DISTANCES, _DIRECTIONS = (4.0, 12.0, 22.0), 16
-"""Distances of a name from its end, the best first [pt], and number of directions in which it may stand."""
-_OPPOSITE = np.array([-0.7, -0.7])
-"""Where the letter of an axis stands that points along the view."""
+_DISTANCES, _DIRECTIONS = (0.5, 8.0, 18.0), 16
+"""Distances of a name from its end beyond the least, the best first [pt], and number of its directions."""
 
 
 def route_figure(result: FrameResult) -> Figure:
     """Draw a route coloured by tension, projected to the plane in which it spreads most."""
     with figure((COLUMN, _HEIGHT)) as drawing:
         drawing.set_layout_engine("none")
-        draw_route(drawing.add_axes((0.02, 0.25, 0.96, 0.65)), result)
+        draw_route(drawing.add_axes((0.02, 0.2, 0.96, 0.71)), result)
     return drawing
 
 
@@ -70,7 +68,7 @@ def draw_route(axes: Axes, result: FrameResult) -> Axes:
     axes.plot(*bar.T, color=SOFT, linewidth=1.5)
     foot = bar.mean(axis=0) - (0.0, 4.0 * per_point)
     axes.text(float(foot[0]), float(foot[1]), f"{length:g} mm", ha="center", va="top")
-    _draw_triad(axes, corner + per_point * np.array([size[0] - 26.0, 8.0]), plane, per_point)
+    _draw_triad(axes, corner + per_point * np.array([size[0] - 26.0, 6.0]), plane, per_point)
     return axes
 
 
@@ -95,32 +93,46 @@ def _names(line: Vector, size: Vector) -> list[Vector]:
     turns = 2.0 * np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
     unit = np.column_stack([np.cos(turns), np.sin(turns)])
     chosen = list[Vector]()
-    for end, before in ((line[0], line[inner]), (line[-1], line[-1 - inner])):
+    for end, before, opposite in (
+        (line[0], line[inner], line[-1]),
+        (line[-1], line[-1 - inner], line[0]),
+    ):
         outward = (end - before) / max(float(np.linalg.norm(end - before)), 1e-300)
-        reach = np.min(half / np.maximum(np.abs(unit), 1e-9), axis=1)
+        reach = np.min((half + _CLEAR) / np.maximum(np.abs(unit), 1e-9), axis=1)
         middles = np.concatenate([end + unit * (reach + d)[:, None] for d in _DISTANCES])
         covered = (np.abs(middles[:, None] - line) < half + _CLEAR).all(axis=2).sum(axis=1)
         collides = [(np.abs(middles - other) < 2.0 * half + 2.0).all(axis=1) for other in chosen]
         outside = ((middles < half + _FOOT) | (middles > size - half)).any(axis=1)
         turned = np.tile(1.0 - unit @ outward, len(_DISTANCES))
         far = np.repeat(np.arange(len(_DISTANCES)), len(unit))
-        cost = covered + 1e3 * (np.sum(collides, axis=0) + outside) + 0.1 * turned + 0.3 * far
+        ambiguous = _off_box(opposite - middles, half) < 2.0 * _off_box(end - middles, half)
+        cost = covered + 1e3 * (np.sum(collides, axis=0) + outside) + 30.0 * ambiguous
+        cost += 0.1 * turned + 0.3 * far
         chosen.append(middles[int(np.argmin(cost))])
     return chosen
 
 
-def _draw_triad(axes: Axes, origin: Vector, plane: Matrix, per_point: float) -> None:
-    """Draw the directions of x, y and z as they lie on the picture; one along the view is a point."""
+def _off_box(points: Matrix, half: Vector) -> Vector:
+    """Return the distances of points [n, 2] from a box about the origin."""
+    return np.linalg.norm(np.maximum(np.abs(points) - half, 0.0), axis=1)
+
+
+def _draw_triad(axes: Axes, foot: Vector, plane: Matrix, per_point: float) -> None:
+    """Draw the directions of x, y and z on the picture, above `foot`; a short one has its letter opposite."""
     letters = list[Vector]()
-    for name, direction in zip("xyz", plane, strict=True):
+    for direction in plane:
+        away = direction if np.linalg.norm(direction) > 0.45 else -plane.sum(axis=0)
+        away = away / np.linalg.norm(away)
+        at = _TRIAD * direction + 5.0 * away
+        while any(np.abs(at - other).max() < 8.0 for other in letters):
+            at = at + 2.0 * away
+        letters.append(at)
+    origin = foot - (0.0, per_point * min(0.0, min(float(at[1]) for at in letters)))
+    for name, direction, at in zip("xyz", plane, letters, strict=True):
         tip = origin + _TRIAD * per_point * direction
         axes.plot(*np.stack([origin, tip]).T, color=SOFT, linewidth=1.0, solid_capstyle="round")
-        away = direction / np.linalg.norm(direction) if np.linalg.norm(direction) > 0.1 else _OPPOSITE
-        at = tip + 5.0 * per_point * away
-        while any(np.abs(at - other).max() < 8.0 * per_point for other in letters):
-            at = at + 2.0 * per_point * away
-        letters.append(at)
-        axes.text(float(at[0]), float(at[1]), name, color=SOFT, fontsize=7.0, ha="center", va="center")
+        x, y = (origin + per_point * at).tolist()
+        axes.text(x, y, name, color=SOFT, fontsize=7.0, ha="center", va="center")
 
 
 def _draw_colour_bar(axes: Axes, top: float) -> None:
@@ -130,7 +142,7 @@ def _draw_colour_bar(axes: Axes, top: float) -> None:
     colour_map = ListedColormap(colours.tension_rgb(np.linspace(0.0, top, _SHADES), top))
     bar = drawing.colorbar(
         ScalarMappable(Normalize(0.0, top), colour_map),
-        cax=axes.inset_axes((0.05, -0.11, 0.9, 0.045)),
+        cax=axes.inset_axes((0.05, -0.08, 0.9, 0.035)),
         orientation="horizontal",
     )
     bar.set_label(TENSION_AT.title)

@@ -43,10 +43,8 @@ def figures_of(result: FrameResult, series: Series | None) -> Mapping[str, Calla
     if series is None or len(series.time) < 2:
         return figures
     figures = {name: partial(_at_time, draw, result.frame.time) for name, draw in figures.items()}
-    return figures | {
-        "transmission": partial(transmission_figure, series),
-        "time": partial(time_figure, series),
-    }
+    over_drive = {"transmission": partial(transmission_figure, series)} if series.driven else {}
+    return figures | over_drive | {"time": partial(time_figure, series)}
 
 
 def _at_time(draw: Callable[[], Figure], time: float) -> Figure:

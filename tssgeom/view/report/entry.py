@@ -43,6 +43,11 @@ class Series:
     angle_se: Vector | None = None
     """[rad]."""
 
+    @property
+    def driven(self) -> bool:
+        """Whether T_in varies, so that there is something over it to draw."""
+        return bool(np.ptp(self.tension_in) > 0.0)
+
     @classmethod
     def of(
         cls,

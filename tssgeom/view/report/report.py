@@ -223,11 +223,9 @@ def _cells(cells: Sequence[tuple[object, str]]) -> str:
 
 def section(entry: ReportEntry, result: FrameResult) -> str:
     """Write text, figures and pieces of an input; those of one frame are of `result`."""
-    moment = (
-        f" at {result.frame.time:.2f} s, the last of its highest peaks of T_in"
-        if entry.series is not None
-        else ""
-    )
+    moment = "" if entry.series is None else f" at {result.frame.time:.2f} s"
+    if entry.series is not None and entry.series.driven:
+        moment += _text(", the last of its highest peaks of T_in")
     parts = [
         f'<details class="input" id="{anchor(entry.name)}">',
         f'<summary><b>{html.escape(entry.name)}</b><span class="soft">{moment}</span></summary>',

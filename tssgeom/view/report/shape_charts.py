@@ -44,7 +44,7 @@ def shape_charts(result: FrameResult, series: Series | None) -> list[str]:
     """Return the charts of one frame, and of a run over its history, as SVG."""
     charts = [_route(result), _tension(result), *_curvature(result), _resolution(result)]
     if series is not None and len(series.time) > 1:
-        charts += [*_transmission(series), *_over_time(series)]
+        charts += [*(_transmission(series) if series.driven else ()), *_over_time(series)]
     return [chart.svg() for chart in charts]
 
 
