@@ -8,9 +8,10 @@ import pytest
 from tests.adapt.rigs import rig_of
 from tests.twins import frames, scenarios
 from tests.view.recorded import columns, entities, verify, views
-from tssgeom import Engine, FrameResult
+from tssgeom import Engine, Frame, FrameResult, Rig
 from tssgeom.adapt.alert import Alert, Cause
 from tssgeom.adapt.follower import Follower
+from tssgeom.view import colours
 from tssgeom.view.scene.live import LivePicture
 from tssgeom.view.scene.writer import GrowingFile
 
@@ -64,3 +65,34 @@ def test_an_alert_is_logged_once(followed):
             "sensor (tension_in_N), probability 0.90: it stands"
         ],
     ]
+
+
+def test_pieces_scale_and_axes_of_a_stream_hold_for_its_whole_recording(tmp_path):
+    turns = np.linspace(0.02, 4.0, 12)  # straight at first: the camera has to turn and to grow
+    stations = np.linspace(0.0, 1.0, 60)
+    sensed = [
+        0.3 * np.column_stack((np.sin(a * stations), 1 - np.cos(a * stations), 0 * stations)) / a
+        for a in turns
+    ]
+    noise = np.random.default_rng(0).normal(0, 1e-4, (len(turns), 60, 3))
+    engine = Engine(Rig(), tension_in=5.0)
+    pushed = [engine.push(Frame(points + noise[k], 0.1 * k)) for k, points in enumerate(sensed)]
+    file = GrowingFile(tmp_path / "run.rrd")
+    picture = LivePicture(file.recording, "run")
+    for one in pushed:
+        picture.draw([one])
+    file.finish()
+    held = ("/", "/scale", "/scale/length", "/scale/axes", "/scale/axes/letters", "/scale/time")
+    for entity in held:
+        assert columns(tmp_path / "run.rrd", entity, timed=False), entity
+    (names,) = [
+        rows[-1]
+        for name, rows in columns(tmp_path / "run.rrd", "/", timed=False).items()
+        if "context" in name
+    ]
+    assert names[0][0]["class_description"]["info"]["color"] == rgba(colours.piece_rgb(0))
+
+
+def rgba(rgb):
+    red, green, blue = rgb
+    return red << 24 | green << 16 | blue << 8 | 255

@@ -43,6 +43,11 @@ class Sender:
             self.recording.set_time(TIMELINE, duration=self.since)
         self.recording.log(self.below + entity, archetype, static=self.since is None, strict=True)
 
+    def always(self, entity: str, archetype: rr.AsComponents) -> None:
+        """Send a value that holds for the whole recording, also before `since`; the last one counts."""
+        if self.repeats:
+            self.recording.log(self.below + entity, archetype, static=True, strict=True)
+
     def constant_text(self, entity: str, markdown: str) -> None:
         """Send a text that is the same in every frame."""
         self.constant(entity, rr.TextDocument(markdown, media_type=rr.MediaType.MARKDOWN))

@@ -14,7 +14,7 @@ import rerun.blueprint as rrb
 import trimesh
 
 from tssgeom.adapt.alert import Alert
-from tssgeom.arrays import Matrix, Vector
+from tssgeom.arrays import Matrix, Points, Vector
 from tssgeom.engine import process
 from tssgeom.rig import Rig
 from tssgeom.statistics import NORMAL_95
@@ -30,6 +30,7 @@ from tssgeom.view.scene.run import Run, send_numbers
 from tssgeom.view.scene.writer import send_layout
 
 _HEADROOM = 1.25  # of axes and of the camera's view, for frames to come
+_NODE_STEP, _MOST_POINTS = 8, 4096  # of the routes that the camera shows; chosen: it takes a millisecond
 
 
 def warm_up() -> None:
@@ -55,8 +56,8 @@ class LivePicture:
     lumen: trimesh.Trimesh | None = None
     _camera: Camera | None = field(default=None)
     _ranges: Ranges | None = field(default=None)
-    _pieces: int = 0
-    """Number of pieces that have a name and a colour so far."""
+    _extent: Points = field(default_factory=lambda: np.empty((0, 3)))
+    """Points of the frames at which the camera was pointed [m]; it shows all of them."""
     _followed: tuple[str, ...] = ()
     """Numbers of the rig that are followed."""
     _alert: str = ""
@@ -92,9 +93,8 @@ class LivePicture:
             self._alert = text
 
     def _grown(self, results: Sequence[FrameResult], frames: Sequence[RouteSamples]) -> bool:
-        """Make axes, camera and names hold these frames; return whether any of them changed."""
+        """Make axes and camera hold these frames; return whether any of them changed."""
         needed = ranges(frames, [result.arcs for result in results])
-        pieces = max(len(result.arcs.length) for result in results)
         wider = self._ranges is None or not _holds(self._ranges, needed)
         if wider:
             self._ranges = _widened(needed, self._ranges)
@@ -102,14 +102,13 @@ class LivePicture:
         moved = self._camera is None or not _shows(self._camera, frames) or keys != self._followed
         if moved:
             self._point_camera(frames)
-        more = pieces > self._pieces
-        self._pieces = max(pieces, self._pieces)
-        return wider or moved or more
+        return wider or moved
 
     def _point_camera(self, frames: Sequence[RouteSamples]) -> None:
-        everywhere = np.concatenate([frame.position for frame in frames])
+        new = np.concatenate([frame.position[::_NODE_STEP] for frame in frames])
+        self._extent = np.concatenate([self._extent, new])[-_MOST_POINTS:]
         forward = frames[-1].position[-1] - frames[-1].position[0]
-        self._camera = camera(everywhere, forward)
+        self._camera = camera(self._extent, forward)
         more = followed_views(self._followed) if self._followed else None
         layout = blueprint(self.name, self._camera, timed=True, live=True, more=more)
         send_layout(self.recording, layout)

@@ -23,6 +23,9 @@ from tssgeom.view.scene.run import Run, send_numbers_of_route
 _FEW_POINTS = 40
 """Up to this number sensed points are drawn larger, as each of them is a marker."""
 
+_NAMED = 64
+"""Least number of pieces with a name and a colour. Chosen: later frames of a stream seldom have more."""
+
 
 def send_space(sender: Sender, run: Run, lumen: trimesh.Trimesh | None) -> None:
     """Send everything in the three-dimensional view; the lumen only where there is one."""
@@ -51,9 +54,9 @@ def send_piece_names(sender: Sender, pieces: Sequence[Arcs]) -> None:
     """Give every piece its name and colour; they hold for the whole recording."""
     if not sender.repeats:
         return
-    most = max(len(arcs.length) for arcs in pieces)
+    most = max(_NAMED, *(len(arcs.length) for arcs in pieces))
     names = [(number, f"piece {number + 1}", colours.piece_rgb(number)) for number in range(most)]
-    sender.constant("/", rr.AnnotationContext(names))
+    sender.always("/", rr.AnnotationContext(names))
 
 
 def send_scale_bar(sender: Sender, camera: Camera, text_scale: float = 1.0) -> None:
@@ -62,24 +65,23 @@ def send_scale_bar(sender: Sender, camera: Camera, text_scale: float = 1.0) -> N
         return
     axes, letters = camera.triad(camera.room_below)
     lines = rr.LineStrips3D(list(axes), colors=[colours.AXIS], radii=rr.Radius.ui_points(1.5))
-    sender.constant("scale/axes", lines)
+    sender.always("scale/axes", lines)
     anchor = camera.label_anchor(letters, np.zeros(2), text_scale)
     names = rr.Points3D(anchor, radii=0.0, labels=["x", "y", "z"], colors=[colours.SENSED], show_labels=True)
-    sender.constant("scale/axes/letters", names)
+    sender.always("scale/axes/letters", names)
     bar, text, anchor = scale_label(camera, text_scale)
-    sender.constant("scale", rr.LineStrips3D([bar], colors=[colours.AXIS], radii=rr.Radius.ui_points(1.5)))
+    sender.always("scale", rr.LineStrips3D([bar], colors=[colours.AXIS], radii=rr.Radius.ui_points(1.5)))
     label = rr.Points3D(anchor, radii=0.0, labels=[text], colors=[colours.WHITE], show_labels=True)
-    sender.constant("scale/length", label)
+    sender.always("scale/length", label)
 
 
 def _send_time(sender: Sender, run: Run) -> None:
     """Write the time of each frame below the route."""
     anchor = run.camera.label_anchor(time_position(run.camera), np.zeros(2))
-    style = rr.Points3D.from_fields(radii=0.0, colors=colours.WHITE, show_labels=True)
-    sender.constant("scale/time", style)
+    style = rr.Points3D.from_fields(positions=anchor, radii=0.0, colors=colours.WHITE, show_labels=True)
+    sender.always("scale/time", style)
     labels = [f"t = {result.frame.time:.2f} s" for result in run.results]
-    positions = np.repeat(anchor, len(labels), axis=0)
-    sender.send("scale/time", rr.Points3D.columns(positions=positions, labels=labels))
+    sender.send("scale/time", rr.Points3D.columns(labels=labels))
 
 
 def _send_lumen(sender: Sender, run: Run, lumen: trimesh.Trimesh) -> None:
