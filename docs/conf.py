@@ -29,6 +29,7 @@ extensions = [
     "reference_pages",
     "drawings",
     "run_blocks",
+    "subscripts",
 ]
 exclude_patterns = ["_build", "gallery/*.md", "gallery/*.rst", "README.md"]
 source_suffix = {".md": "markdown", ".rst": "restructuredtext"}
@@ -72,7 +73,7 @@ sphinx_gallery_conf = {
 html_theme = "pydata_sphinx_theme"
 html_title = f"tssgeom {release}"
 html_static_path = ["_static"]
-html_sidebars = {"index": [], "tutorial": [], "glossary": []}
+html_sidebars = {"index": [], "tutorial": [], "glossary": [], "machines": []}
 html_context = {"default_mode": "auto"}
 html_css_files = ["site.css"]
 html_copy_source = False
@@ -82,7 +83,7 @@ html_theme_options = {
     "navbar_align": "left",
     "navbar_end": ["theme-switcher"],
     "header_links_before_dropdown": 7,
-    "secondary_sidebar_items": ["page-toc"],
+    "secondary_sidebar_items": {"[!h]**": ["page-toc"], "howto/*": []},  # printed tables fit
     "show_toc_level": 2,
     "navigation_with_keys": False,
     "footer_start": ["copyright"],

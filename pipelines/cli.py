@@ -72,7 +72,6 @@ app = typer.Typer(
     name="tssgeom",
     cls=_Commands,
     help="Tension and elongation of tendon-sheath transmissions on sensed three-dimensional routes.",
-    no_args_is_help=True,
     context_settings=_HELP,
     rich_markup_mode=None,  # plain help: rich takes a tenth of a second to import
     pretty_exceptions_enable=False,
@@ -105,12 +104,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def _status(arguments: Sequence[str] | None) -> int:
-    if "" in (sys.argv[1:] if arguments is None else arguments):
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    if "" in words:
         return _failed("an argument is empty: is a variable of the shell not set?", 2)
     try:
         status = 0
         with whose_reader_may_leave():
-            status = app(args=arguments, prog_name="tssgeom", standalone_mode=False) or 0
+            status = app(args=words or ["--help"], prog_name="tssgeom", standalone_mode=False) or 0
+            status = status if words else 2
             sys.stdout.flush()
         return status
     except typer.TyperException as error:

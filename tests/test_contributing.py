@@ -8,7 +8,6 @@ import ast
 import json
 import os
 import re
-import shutil
 import subprocess
 import sys
 from dataclasses import fields
@@ -19,8 +18,10 @@ import pytest
 from tssgeom.effects.kinds import Setup
 
 ROOT = Path(__file__).parents[1]
-TEXT = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
-BLOCKS = re.findall(r"<!-- apply: (\S+) -->\n```(\w+)\n(.*?)```", TEXT, re.DOTALL)
+sys.path.insert(0, str(ROOT / "docs" / "building"))
+
+from contributing import BLOCKS, TEXT, apply_to_copy  # noqa: E402 - below docs, as the line above
+
 NEEDED = (
     "tssgeom",
     "pipelines",
@@ -80,26 +81,12 @@ for name in ("frames.jsonl", "frames.csv"):
 """
 
 
-def changed(text: str, block: str) -> str:
-    """Return a file's text with a block of lines that stay, go and come."""
-    lines = block.splitlines(keepends=True)
-    old = "".join(line[1:] for line in lines if line[0] != "+")
-    new = "".join(line[1:] for line in lines if line[0] != "-")
-    assert text.count(old) == 1, f"it is not clear where this belongs:\n{block}"
-    return text.replace(old, new)
-
-
 @pytest.fixture(scope="module")
 def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The code with all that CONTRIBUTING.md adds, compiled kernels included where there are any."""
     home = tmp_path_factory.mktemp("contributed")
-    for name in NEEDED:
-        (shutil.copytree if (ROOT / name).is_dir() else shutil.copy2)(ROOT / name, home / name)
     (home / "rig.toml").write_text(RIG, encoding="utf-8")
-    for name, kind, block in BLOCKS:
-        path = home / name
-        old = path.read_text(encoding="utf-8") if path.exists() else ""
-        path.write_text(changed(old, block) if kind == "diff" else old + block, encoding="utf-8")
+    apply_to_copy(home, NEEDED)
     (home / "tests" / "io" / "corpus" / "shape.stylus").write_text(ROUTE, encoding="utf-8")
     return home
 

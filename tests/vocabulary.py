@@ -226,13 +226,18 @@ def pages(root: Path) -> list[Path]:
     return [path for path in every if not path.relative_to(root / "docs").as_posix().startswith(written)]
 
 
+def _sources(root: Path, kind: str) -> list[Path]:
+    every = sorted(path for folder in FOLDERS for path in (root / folder).rglob(kind))
+    return [path for path in every if "_build" not in path.relative_to(root).parts]
+
+
 def uses(root: Path) -> list[Use]:
     """Return every private word that is left below a folder."""
     left = list[Use]()
-    for path in sorted(path for folder in FOLDERS for path in (root / folder).rglob("*.py")):
+    for path in _sources(root, "*.py"):
         if path.stem not in ("vocabulary", "test_vocabulary", "_entries"):  # they hold the words; of headers
             left += _of_module(path, str(path.relative_to(root)))
-    for path in sorted(path for folder in FOLDERS for path in (root / folder).rglob("*.[ch]")):
+    for path in _sources(root, "*.[ch]"):
         left += _of_prose(comments(path.read_text(encoding="utf-8")), str(path.relative_to(root)))
     documents = [root / name for name in DOCUMENTS if (root / name).exists()]
     for path in [*documents, *pages(root)]:

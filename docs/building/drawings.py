@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from sphinx.application import Sphinx
 
 from tssgeom import Arcs, MovingRoute, Rig, analyse, simulate
+from tssgeom.view.figures.restyle import set_subscripts
 
 FOLDER = Path(__file__).parents[1] / "explanation"
 sys.path.insert(0, str(Path(__file__).parents[1]))
@@ -121,7 +122,9 @@ def draw(app: Sphinx) -> None:
         path = FOLDER / f"{name}.svg"
         if not path.exists() or path.stat().st_mtime < Path(__file__).stat().st_mtime:
             with rc_context({"figure.constrained_layout.use": False}):  # the gallery sets it
-                drawing().savefig(path)
+                figure = drawing()
+                set_subscripts(figure)
+                figure.savefig(path)
 
 
 def setup(app: Sphinx) -> dict[str, Any]:

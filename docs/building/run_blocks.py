@@ -7,7 +7,8 @@
     ```
 
 The blocks of a page run in the order of the page, in one folder with `sample_shapes` in it; those of Python
-share their names. A block that fails is a warning, and so ends the build.
+share their names. A block that fails is a warning, and so ends the build. The page does not show a block with
+`:hidden:`; with `:code: FOLDER` the package is that in a folder beside the samples.
 """
 
 import contextlib
@@ -43,6 +44,8 @@ class Run(SphinxDirective):
     has_content = True
     required_arguments = 1
     option_spec = {  # noqa: RUF012 - as docutils has it
+        "code": directives.unchanged_required,
+        "hidden": directives.flag,
         "lines": directives.nonnegative_int,
         "picture": directives.unchanged,
         "status": directives.nonnegative_int,
@@ -53,6 +56,8 @@ class Run(SphinxDirective):
         language, code = self.arguments[0], "\n".join(self.content)
         folder = folder_of(self.env.docname, Path(self.env.app.doctreedir))
         printed, pictures = (_python if language == "python" else _shell)(self, code, folder)
+        if "hidden" in self.options:
+            return []
         out = [_literal(code, language)]
         if printed.strip():
             out.append(_literal(_first(printed, self.options.get("lines", 0)), "text", "output"))
@@ -83,6 +88,8 @@ def folder_of(page: str, doctrees: Path) -> Path:
 
 def _shell(block: Run, code: str, folder: Path) -> tuple[str, list[tuple[Path, str]]]:
     here = {"PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}", "COLUMNS": str(WIDTH)}
+    if "code" in block.options:
+        here["PYTHONPATH"] = str(folder / block.options["code"])
     done = subprocess.run(
         ["bash", "-euo", "pipefail", "-c", code],
         cwd=folder,

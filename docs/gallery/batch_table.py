@@ -27,7 +27,7 @@ names = table["name"].to_pylist()
 figure, (angles, forces) = plt.subplots(1, 2, figsize=(8, 3.2), sharey=True)
 for axes, value, error, unit in (
     (angles, "total_angle_rad", "total_angle_se_rad", "curve angle Φ [rad]"),
-    (forces, "tension_out_N", "tension_out_se_N", "T_out at T_in = 15 N [N]"),
+    (forces, "tension_out_N", "tension_out_se_N", r"$T_\mathrm{out}$ at $T_\mathrm{in}$ = 15 N [N]"),
 ):
     width = 1.96 * np.array(table[error].to_pylist())
     axes.errorbar(table[value].to_pylist(), names, xerr=width, fmt="o", capsize=3)

@@ -27,7 +27,7 @@ commands.plot(load)
 reached = [moment.transmission.displacement_out for moment in without]
 load.plot(time, 1e3 * np.array(reached), "C1", label="with the target as the drive")
 load.legend(loc="upper right")
-load.set_ylim(0, 9)
+load.set_ylim(0, 10)
 
 # %%
 # Each command comes with the standard error of where the load will be.

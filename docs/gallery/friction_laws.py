@@ -26,6 +26,6 @@ for name, law in LAWS.items():
     rig = msgspec.toml.decode("[tendon]\npretension_N = 2.0\n" + law, type=Rig)
     run = simulate(time, route, rig, tension_in=pull)
     plt.plot(pull, [moment.transmission.tension_out for moment in run], label=name)
-plt.xlabel("T_in [N]")
-plt.ylabel("T_out [N]")
+plt.xlabel(r"$T_\mathrm{in}$ [N]")
+plt.ylabel(r"$T_\mathrm{out}$ [N]")
 plt.legend()

@@ -22,7 +22,7 @@ from tssgeom.io.formats.jsonl import Line
 from tssgeom.io.results.answers import answer
 
 TEXT = (Path(__file__).parents[2] / "docs" / "live.md").read_text()
-EXAMPLES = dict(re.findall(r"<!-- test: (\w+) -->\n```python\n(.*?)```", TEXT, re.DOTALL))
+EXAMPLES = dict(re.findall(r"<!-- test: (\w+) -->\n```(?:\{run\} )?python\n(.*?)```", TEXT, re.DOTALL))
 SENSOR = """
 import math
 moves = []

@@ -15,10 +15,9 @@ ROOT = Path(__file__).parents[2]
 TEXT = (ROOT / "docs/batch.md").read_text("utf-8")
 
 
-def example(language: str) -> str:
-    result = re.search(rf"```{language}\n(.*?)```", TEXT, re.DOTALL)
-    assert result
-    return result[1]
+def example(library: str) -> str:
+    (block,) = re.findall(rf"```\{{run\}} python\n((?:(?!```).)*import {library}\n.*?)```", TEXT, re.DOTALL)
+    return block
 
 
 @pytest.fixture
@@ -32,7 +31,9 @@ def results(run, tmp_path: Path, recording: Path, monkeypatch: pytest.MonkeyPatc
 
 
 def test_duckdb_finds_the_least_tension_of_each_recording(results: Path) -> None:
-    result = duckdb.sql(example("sql")).fetchall()
+    names: dict[str, Any] = {}
+    exec(example("duckdb"), names)
+    result = names["least"]
     assert [row[0] for row in result] == ["helix", "pull"]
     rows = papq.read_table(results / "frames/pull.parquet").to_pylist()
     pulled = [row for row in rows if row["rejected"] is None and row["direction_index"] == 1]
@@ -43,7 +44,7 @@ def test_duckdb_finds_the_least_tension_of_each_recording(results: Path) -> None
 
 def test_pandas_finds_the_share_of_sharp_bends(results: Path) -> None:
     names: dict[str, Any] = {"pandas": pandas}
-    exec(example("python"), names)
+    exec(example("pandas"), names)
     assert names["share"].to_dict() == pytest.approx({"helix": 1.0, "pull": 0.0})
 
 

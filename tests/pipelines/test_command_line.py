@@ -42,6 +42,13 @@ def test_help_has_the_first_sentence_of_every_command_whole(run):
     ] == []
 
 
+def test_the_name_alone_prints_the_help_and_is_no_success(run):
+    outcome = run()
+    assert outcome.status == 2
+    assert outcome.out == run("--help").out
+    assert outcome.errors == []
+
+
 def test_a_misspelt_command_is_refused_with_the_one_that_is_meant(run):
     outcome = run("analyze", "a.csv")
     assert outcome.status == 2

@@ -75,5 +75,15 @@
         faults.push(`“${a.text}” and “${b.text}” overlap by ${deep.toFixed(0)} px`);
     }
   }
+  // tables that a command printed: their rule is one line, or the columns are torn apart
+  const pen = document.createElement("canvas").getContext("2d");
+  for (const block of document.querySelectorAll(".output pre")) {
+    const style = getComputedStyle(block);
+    pen.font = style.font;
+    const room = block.clientWidth - parseFloat(style.paddingLeft) - parseFloat(style.paddingRight);
+    const rule = block.textContent.split("\n").find((line) => line.includes("───"));
+    if (rule && pen.measureText(rule.trimEnd()).width > room + 1)
+      faults.push(`a printed table of ${rule.length} letters is wrapped`);
+  }
   return faults.slice(0, 12);
 })()

@@ -56,7 +56,7 @@ CURVATURE_AT = Quantity("κ", "curvature", "1/m", 1.0, "#5b6474")
 TENSION_AT = Quantity("T", "tension", "N", 1.0, colours.TENSION_OUT)
 TIME = Quantity("t", "time", "s", 1.0, _SOFT)
 
-SYMBOL = re.compile(r"(?<![\w$])(Δ?[TxyzbIdθτδμ])_(in|out|tip|[mjs0xyz])(,\d+)?(?![\w.])")
+SYMBOL = re.compile(r"(?<![\w$])(Δ?[TxyzbIdθτδμ])_(in|out|tip|[mjs0xyz])(,\d+)?(?!\w|\.\w)")
 """A symbol with its subscript, as `T_in` or `T_in,2`: letter, subscript, number."""
 
 CHANNELS = {

@@ -34,10 +34,12 @@ def restyle(drawing: Figure) -> None:
 
 
 def set_subscripts(drawing: Artist) -> None:
-    """Write every `T_in` of a figure or of axes with its subscript."""
-    for text in drawing.findobj(Text):
-        if isinstance(text, Text):
-            text.set_text(subscripts(text.get_text()))
+    """Write every `T_in` of a figure or of axes with its subscript, also in a legend that is made later."""
+    for artist in drawing.findobj():
+        if isinstance(artist, Text):
+            artist.set_text(subscripts(artist.get_text()))
+        elif isinstance(label := artist.get_label(), str):
+            artist.set_label(subscripts(label))
 
 
 def _darken(drawing: Figure) -> None:
