@@ -12,6 +12,10 @@ from pathlib import Path
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE / "building"))
 
+from gallery_order import link_samples  # noqa: E402 - below docs, as the line above
+
+link_samples()
+
 project = "tssgeom"
 author = "the authors of tssgeom"
 project_copyright = "the authors of tssgeom, MIT licence"

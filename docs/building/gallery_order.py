@@ -1,5 +1,6 @@
-"""The order of the gallery, and figures that begin alike."""
+"""The order of the gallery, its sample shapes, and figures that begin alike."""
 
+from pathlib import Path
 from typing import Any
 
 from matplotlib import pyplot
@@ -22,6 +23,15 @@ ORDER = (
     "added_curve",
 )
 """Of the scripts: from a shape to tension, to runs, to rigs."""
+
+
+def link_samples() -> None:
+    """Put the sample shapes beside the scripts, as `tssgeom samples` does."""
+    beside = Path(__file__).parents[1] / "gallery" / "sample_shapes"
+    beside.mkdir(exist_ok=True)
+    for path in (beside.parents[2] / "sample_shapes").iterdir():
+        if path.suffix != ".md" and not (beside / path.name).exists():  # one would be the head of a gallery
+            (beside / path.name).symlink_to(path)
 
 
 class InOrder:

@@ -15,7 +15,7 @@ import pyarrow.parquet as pq
 
 from pipelines.cli import main
 
-shapes = sorted(map(str, Path("../../sample_shapes").glob("*.csv")))
+shapes = sorted(map(str, Path("sample_shapes").glob("*.csv")))
 with TemporaryDirectory() as out:
     try:
         main(["batch", *shapes, "--out", out, "--no-pictures", "--quiet"])

@@ -12,7 +12,7 @@ import matplotlib.pyplot as plt
 
 from tssgeom import calibrate
 
-FOLDER = Path("../../sample_shapes/campaign_clean")
+FOLDER = Path("sample_shapes/campaign_clean")
 fitted = calibrate(FOLDER / "half_slow.csv", FOLDER / "route_half_circle.csv", FOLDER / "rig.toml")
 print(fitted)
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from tssgeom import compensate, simulate
 
-SHAPE = Path("../../sample_shapes/setup_a.csv")
+SHAPE = Path("sample_shapes/setup_a.csv")
 time = np.linspace(0.0, 4.0, 121)
 target = 0.004 - 0.002 * np.cos(2 * np.pi * time / 2)  # m
 commands = compensate(SHAPE, {"time_s": time, "displacement_out_m": target})

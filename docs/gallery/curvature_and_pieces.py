@@ -13,7 +13,7 @@ import numpy as np
 
 import tssgeom
 
-result = tssgeom.analyse(Path("../../sample_shapes/setup_a.csv"))
+result = tssgeom.analyse(Path("sample_shapes/setup_a.csv"))
 figure, (curvature, angle) = plt.subplots(1, 2, figsize=(8, 3.2), layout="constrained")
 result.plot(curvature, "curvature")
 result.plot(angle, "angle")

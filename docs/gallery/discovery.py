@@ -12,7 +12,7 @@ import matplotlib.pyplot as plt
 
 from tssgeom import discover
 
-finding = discover(Path("../../sample_shapes/campaign_hidden_bend"))
+finding = discover(Path("sample_shapes/campaign_hidden_bend"))
 print(finding.sentence)
 
 figure, (ranking, left) = plt.subplots(2, 1, figsize=(8, 5.2), layout="constrained", height_ratios=(3, 2))

@@ -12,7 +12,7 @@ import matplotlib.pyplot as plt
 
 from tssgeom import analyse_all
 
-result = analyse_all(Path("../../sample_shapes/insertion.jsonl"))
+result = analyse_all(Path("sample_shapes/insertion.jsonl"))
 print(result)
 
 figure, (bends, forces) = plt.subplots(2, 1, figsize=(7, 4.6), sharex=True, layout="constrained")

@@ -13,7 +13,7 @@ import matplotlib.pyplot as plt
 
 import tssgeom
 
-SAMPLES = Path("../../sample_shapes")  # `tssgeom samples --out FOLDER` writes them anywhere
+SAMPLES = Path("sample_shapes")  # `tssgeom samples` writes them
 
 result = tssgeom.analyse(SAMPLES / "colon_fibre.csv", tension_in=15.0)
 figure, (angle, resolution) = plt.subplots(1, 2, figsize=(8, 3.2), layout="constrained")

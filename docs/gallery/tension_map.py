@@ -12,7 +12,7 @@ import matplotlib.pyplot as plt
 
 import tssgeom
 
-result = tssgeom.analyse(Path("../../sample_shapes/colon_fibre.csv"), tension_in=15.0)
+result = tssgeom.analyse(Path("sample_shapes/colon_fibre.csv"), tension_in=15.0)
 figure, (route, along) = plt.subplots(1, 2, figsize=(8, 3.4), layout="constrained")
 result.plot(route, "route")
 result.plot(along, "tension")

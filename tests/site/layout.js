@@ -75,6 +75,11 @@
         faults.push(`“${a.text}” and “${b.text}” overlap by ${deep.toFixed(0)} px`);
     }
   }
+  for (const text of document.querySelectorAll("svg.chart text")) {
+    const box = text.getBoundingClientRect(), chart = text.closest("svg").getBoundingClientRect();
+    if (box.width && (box.left < chart.left - 1 || box.right > chart.right + 1))
+      faults.push(`“${text.textContent.trim()}” is cut by its chart`);
+  }
   // tables that a command printed: their rule is one line, or the columns are torn apart
   const pen = document.createElement("canvas").getContext("2d");
   for (const block of document.querySelectorAll(".output pre")) {

@@ -14,6 +14,7 @@ import pytest
 from tssgeom.errors import SourceError
 from tssgeom.rig import Rig
 from tssgeom.stream import FrameResult, Rejected
+from tssgeom.view.report.chart import WIDTH, Chart
 from tssgeom.view.report.kinds import kinds
 from tssgeom.view.report.outlying_inputs import outlying_inputs
 from tssgeom.view.report.report import ReportEntry, rendered, section, write_report
@@ -268,3 +269,10 @@ def browsed(page: Path, profile: Path) -> str:
     ]
     done = subprocess.run([*command, "--dump-dom", page.as_uri()], capture_output=True, text=True, check=True)
     return done.stdout
+
+
+def test_the_number_at_the_right_end_of_an_axis_stays_inside_its_chart() -> None:
+    chart = Chart("", (0.0, 4000.0), (0.0, 1.0))
+    chart.axes("L [mm]", "inputs")
+    (last,) = re.findall(r'<text x="([\d.]+)" y="[\d.]+" text-anchor="(\w+)">4000<', chart.svg())
+    assert last == (f"{WIDTH - 1:.1f}", "end")

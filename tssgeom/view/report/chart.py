@@ -21,6 +21,7 @@ Ticks = Sequence[tuple[float, str]]
 
 WIDTH, HEIGHT = 250.0, 208.0  # of a chart: five stand side by side on a page of 1400 px [px]
 LEFT, RIGHT, ABOVE, BELOW = 42.0, 10.0, 36.0, 36.0  # from its edges to its box [px]
+_LETTER = 6.6  # greatest width of a figure [px]
 _ACROSS, _UP = 48.0, 30.0  # least spacing of numbers on the horizontal and the vertical axis [px]
 
 
@@ -54,7 +55,8 @@ class Chart:
         for value, label in across:
             at = self.pixels(value, self.y[0])[0, 0]
             self._parts.append(f'<path class="g" d="M{at:.1f} {bottom:.1f}V{top:.1f}"/>')
-            self.text(at, bottom + 15, label, anchor="middle")
+            fits = at + 0.5 * _LETTER * len(label) < WIDTH
+            self.text(at if fits else WIDTH - 1, bottom + 15, label, anchor="middle" if fits else "end")
         for value, label in ticks(self.y, (bottom - top) / _UP):
             at = self.pixels(self.x[0], value)[0, 1]
             self._parts.append(f'<path class="g" d="M{left:.1f} {at:.1f}H{right:.1f}"/>')

@@ -61,6 +61,12 @@ def kinds(rows: Sequence[Row]) -> list[Kind]:
     return [Kind(part, _words([rows[k] for k in part])) for part in parts]
 
 
+def noise_text(log_noise: float) -> str:
+    """Write a noise, given as its logarithm, with its unit."""
+    noise = 1e3 * math.exp(log_noise)
+    return f"{noise:.2g} mm" if noise < 99.5 else f"{noise:.0f} mm"
+
+
 def log_noise(row: Row) -> float:
     """Return the logarithm of the root mean square noise of an input."""
     return math.log(max(row["noise_rms_m"], LEAST_NOISE))
@@ -101,5 +107,5 @@ def _words(rows: Sequence[Row]) -> str:
     return (
         f"{count} such as {rows[0]['name']}: L {1e3 * median(lambda row: row['length_m']):.4g} mm, "
         f"Φ {math.degrees(median(lambda row: row['total_angle_rad'])):.3g}°, "
-        f"noise {1e3 * math.exp(median(log_noise)):.2g} mm"
+        f"noise {noise_text(median(log_noise))}"
     )

@@ -11,7 +11,7 @@ import numpy as np
 
 from tssgeom.core.constants import ROUNDING
 from tssgeom.statistics import robust_sd
-from tssgeom.view.report.kinds import kinds, log_noise
+from tssgeom.view.report.kinds import kinds, log_noise, noise_text
 
 Row = Mapping[str, Any]
 
@@ -178,7 +178,7 @@ _FEATURES = (
         log_noise,
         lambda rows: LIMITS.least_log_noise_sd,
         "noise",
-        lambda value: f"{1e3 * math.exp(value):.2g} mm",
+        noise_text,
     ),
     _Feature(
         lambda row: row["rejected"] / row["frames"],
