@@ -11,6 +11,7 @@ from tssgeom.view.figures.plots import BLUE, ORANGE, PAGE, figure, legend_below,
 
 MOST = 10
 _PALE = "#c3c9d4"
+_LINEAR = 20.0  # ΔBIC up to which the axis is linear [1]; chosen: thresholds of clean campaigns are below
 
 
 def listed_candidates(finding: Finding) -> tuple[Candidate, ...]:
@@ -41,7 +42,8 @@ def draw_ranking(axes: Axes, finding: Finding) -> Axes:
         axes.annotate(f"{gains[k]:.0f}", end, xytext=(3, 0), textcoords="offset points", **style)
     axes.set_yticks(rows, [words.candidate(each) for each in candidates])
     axes.invert_yaxis()
-    axes.set_xscale("symlog", linthresh=20.0)
+    if max(map(abs, axes.get_xlim())) > _LINEAR:  # else a logarithm has no round numbers there
+        axes.set_xscale("symlog", linthresh=_LINEAR)
     axes.xaxis.set_major_formatter("{x:g}")
     axes.grid(visible=False, axis="y")
     titles(axes, "What each effect gains, refitted through the model", "ΔBIC [1]", "")
