@@ -122,3 +122,17 @@ def test_no_label_of_a_piece_covers_the_time_or_the_letters_of_the_axes() -> Non
     for fixed, size in ((time_position(view), (0.065, 0.021)), (letters, (0.015, 0.021))):
         between = np.abs(centre[:, None] - view.project(fixed)) / (half[:, None] + size)
         assert (between.max(axis=2) > 0.95).all()  # a box touches another where this is 1
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_the_letters_of_the_axes_stand_apart_and_none_below_the_foot(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    turn, _ = np.linalg.qr(random.normal(size=(3, 3)))
+    view = looking_at(helix(0.8, 0.05, 0.1) @ turn)
+    _, letters = view.triad(view.room_below)
+    projected = view.project(letters)
+    for k in range(3):
+        between = np.abs(np.delete(projected, k, axis=0) - projected[k])
+        assert (between > 0.9 * np.array([0.03, 0.042])).any(axis=1).all()
+    foot = (letters - view.target) @ view.up / view.view_height
+    assert foot.min() >= -view.half_height / view.view_height - view.room_below - 1e-9

@@ -15,23 +15,21 @@ from matplotlib.figure import Figure
 from tssgeom.arrays import Matrix, Points, Vector
 from tssgeom.stream import FrameResult
 from tssgeom.view import colours
+from tssgeom.view.end_names import ENDS, end_names, leader
 from tssgeom.view.figures.plots import BLUE, COLUMN, INK, ORANGE, SOFT, figure, titles
 from tssgeom.view.quantities import ARC_LENGTH, CURVATURE_AT, TENSION_AT
 from tssgeom.view.samples import round_down, round_up, route_samples
-from tssgeom.view.scene.camera import camera
+from tssgeom.view.scene.camera import axis_letters, camera
 
 NODES = 128
 """Nodes of a route in a figure; chosen: enough for a line of this size."""
 _HEIGHT = 2.9  # inch
 _SHADES = 64
-_ENDS = "proximal", "distal"
 _BORDER, _FOOT = np.array([44.0, 17.0]), np.array([0.0, 26.0])
 """Room beside and above the route for the names of its ends, and height of the strip below it for scale bar
 and axes of space [pt]; as all sizes here chosen by eye on the sample shapes."""
-_NAME, _CLEAR, _TRIAD = np.array([24.0, 6.0]), 4.0, 13.0
-"""Half of the size of the name of an end, its least distance from the route, and length of the axes [pt]."""
-_DISTANCES, _DIRECTIONS = (0.5, 8.0, 18.0), 16
-"""Distances of a name from its end beyond the least, the best first [pt], and number of its directions."""
+_NAME, _TRIAD = np.array([24.0, 6.0]), 13.0
+"""Half of the size of the name of an end, and length of the axes [pt]."""
 
 
 def route_figure(result: FrameResult) -> Figure:
@@ -56,13 +54,13 @@ def draw_route(axes: Axes, result: FrameResult) -> Axes:
     axes.set_aspect("equal", adjustable="box")
     coloured(axes, flat, frame.tension, top, 3.2)
     draw_dots(axes, ARC_LENGTH.factor * frame.at(result.arcs.s_start) @ plane)
-    for text, end, at in zip(_ENDS, flat[[0, -1]], _names((flat - corner) / per_point, size), strict=True):
-        middle = corner + per_point * at
-        box = per_point * _NAME
-        edge = middle + np.clip(end - middle, -box, box)
-        if np.linalg.norm(end - edge) > 8.0 * per_point:
-            axes.plot(*np.stack([edge, end]).T, color=SOFT, linewidth=0.6, zorder=1)
-        axes.text(float(middle[0]), float(middle[1]), text, color=INK, ha="center", va="center", zorder=5)
+    on_paper = (flat - corner) / per_point
+    middles = end_names(on_paper, _FOOT, size, _NAME)
+    for text, end, at in zip(ENDS, on_paper[[0, -1]], middles, strict=True):
+        if (line := leader(end, at, _NAME)) is not None:
+            axes.plot(*(corner + per_point * line).T, color=SOFT, linewidth=0.6, zorder=1)
+        x, y = (corner + per_point * at).tolist()
+        axes.text(x, y, text, color=INK, ha="center", va="center", zorder=5)
     length = round_down(0.25 * size[0] * per_point)
     bar = corner + per_point * np.array([[6.0, 16.0], [6.0, 16.0]]) + np.array([[0.0, 0.0], [length, 0.0]])
     axes.plot(*bar.T, color=SOFT, linewidth=1.5)
@@ -87,47 +85,10 @@ def _limits(axes: Axes, flat: Vector) -> tuple[float, Vector, Vector]:
     return per_point, corner, size
 
 
-def _names(line: Vector, size: Vector) -> list[Vector]:
-    """Choose the middles of the names of both ends [pt], off the route, off each other and inside."""
-    half, inner = _NAME, min(8, len(line) - 1)
-    turns = 2.0 * np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
-    unit = np.column_stack([np.cos(turns), np.sin(turns)])
-    chosen = list[Vector]()
-    for end, before, opposite in (
-        (line[0], line[inner], line[-1]),
-        (line[-1], line[-1 - inner], line[0]),
-    ):
-        outward = (end - before) / max(float(np.linalg.norm(end - before)), 1e-300)
-        reach = np.min((half + _CLEAR) / np.maximum(np.abs(unit), 1e-9), axis=1)
-        middles = np.concatenate([end + unit * (reach + d)[:, None] for d in _DISTANCES])
-        covered = (np.abs(middles[:, None] - line) < half + _CLEAR).all(axis=2).sum(axis=1)
-        collides = [(np.abs(middles - other) < 2.0 * half + 2.0).all(axis=1) for other in chosen]
-        outside = ((middles < half + _FOOT) | (middles > size - half)).any(axis=1)
-        turned = np.tile(1.0 - unit @ outward, len(_DISTANCES))
-        far = np.repeat(np.arange(len(_DISTANCES)), len(unit))
-        ambiguous = _off_box(opposite - middles, half) < 2.0 * _off_box(end - middles, half)
-        cost = covered + 1e3 * (np.sum(collides, axis=0) + outside) + 30.0 * ambiguous
-        cost += 0.1 * turned + 0.3 * far
-        chosen.append(middles[int(np.argmin(cost))])
-    return chosen
-
-
-def _off_box(points: Matrix, half: Vector) -> Vector:
-    """Return the distances of points [n, 2] from a box about the origin."""
-    return np.linalg.norm(np.maximum(np.abs(points) - half, 0.0), axis=1)
-
-
 def _draw_triad(axes: Axes, foot: Vector, plane: Matrix, per_point: float) -> None:
     """Draw the directions of x, y and z on the picture, above `foot`; a short one has its letter opposite."""
-    letters = list[Vector]()
-    for direction in plane:
-        away = direction if np.linalg.norm(direction) > 0.45 else -plane.sum(axis=0)
-        away = away / np.linalg.norm(away)
-        at = _TRIAD * direction + 5.0 * away
-        while any(np.abs(at - other).max() < 8.0 for other in letters):
-            at = at + 2.0 * away
-        letters.append(at)
-    origin = foot - (0.0, per_point * min(0.0, min(float(at[1]) for at in letters)))
+    letters = axis_letters(plane, _TRIAD, 5.0, np.array([8.0, 8.0]))
+    origin = foot - (0.0, per_point * min(0.0, float(letters[:, 1].min())))
     for name, direction, at in zip("xyz", plane, letters, strict=True):
         tip = origin + _TRIAD * per_point * direction
         axes.plot(*np.stack([origin, tip]).T, color=SOFT, linewidth=1.0, solid_capstyle="round")

@@ -81,6 +81,10 @@ class Chart:
         style = f'stroke="{colour}" stroke-width="{width:g}"'
         self._parts.append(f'<path d="{path(self.pixels(x, y))}" {style}/>')
 
+    def stroke(self, points: Vector, colour: str) -> None:
+        """Draw a thin line through positions of the page [n, 2] [px]."""
+        self._parts.append(f'<path d="{path(points)}" stroke="{colour}" stroke-width=".7"/>')
+
     def band(self, x: Vector, low: Vector, high: Vector, colour: str, opacity: float = 1.0) -> None:
         """Fill between two lines."""
         ring = np.concatenate([self.pixels(x, low), self.pixels(x, high)[::-1]])

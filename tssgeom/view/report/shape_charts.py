@@ -14,6 +14,7 @@ from tssgeom.route.resolution import angle_over_resolution
 from tssgeom.statistics import NORMAL_95
 from tssgeom.stream import FrameResult
 from tssgeom.view import colours
+from tssgeom.view.end_names import ENDS, end_names, leader
 from tssgeom.view.quantities import ANGLE, ARC_LENGTH, ELONGATION, TENSION_IN, TENSION_OUT, Quantity
 from tssgeom.view.report.chart import ABOVE, BELOW, HEIGHT, LEFT, RIGHT, WIDTH, Chart, limits_of
 from tssgeom.view.report.entry import Series, moments, strokes
@@ -64,10 +65,12 @@ def _route(result: FrameResult) -> Chart:
     chart.dots(
         joints[:, 0], joints[:, 1], [colours.css(colours.piece_rgb(k)) for k in range(len(joints))], 3.5
     )
-    for text, end in (("proximal", flat[0]), ("distal", flat[-1])):
-        up = 14.0 if end[1] < middle[1] else -8.0
-        across, down = chart.pixels(*end)[0]
-        chart.text(float(np.clip(across, 28, WIDTH - 28)), float(down) + up, text, anchor="middle", kind="n")
+    up = chart.pixels(flat[:, 0], flat[:, 1]) * (1.0, -1.0) + (0.0, HEIGHT)
+    half, low, high = np.array([25.0, 7.0]), np.array([0.0, 24.0]), np.array([WIDTH, HEIGHT - 18.0])
+    for text, end, at in zip(ENDS, up[[0, -1]], end_names(up, low, high, half), strict=True):
+        if (line := leader(end, at, half)) is not None:
+            chart.stroke(line * (1.0, -1.0) + (0.0, HEIGHT), _SOFT)
+        chart.text(float(at[0]), HEIGHT - float(at[1]) + 4.0, text, anchor="middle", kind="n")
     bar = round_up(0.18 * per_pixel * WIDTH)
     begin = chart.pixels(limits[0][0], 0.0)[0, 0]
     foot = HEIGHT - 14.0

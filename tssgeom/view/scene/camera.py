@@ -20,8 +20,11 @@ _TIE = np.array([1e-6, 1e-7, 1e-8])
 """Decides the direction across the screen of a route whose ends coincide or lie one above the other."""
 _TRIAD = 0.045
 """Length of the axes of space [heights of the view]; chosen: shorter than the room below a route."""
-_ALONG_VIEW = 0.9
-"""Cosine between an axis of space and the view from which it is a point; chosen: 26°."""
+_LETTER = np.array([0.03, 0.042])
+"""Size of a letter with its ground [heights of the view]."""
+_SHORT = 0.45
+"""Length of an axis on the picture below which its letter stands opposite the others; chosen: 27° off the
+view."""
 _LABEL_RISE = 0.025
 """Rerun writes a label below its point; lifted by this part of the view's height it sits on it."""
 
@@ -83,11 +86,10 @@ class Camera:
         down = self.half_height + below * self.view_height
         origin = self.target + self.half_width * self.across - down * self.up
         reach = _TRIAD * self.view_height * np.eye(3)
-        along_view = (
-            np.abs(self.axes[2])[:, None] > _ALONG_VIEW
-        )  # its letter stands below the point that it is
-        letters = origin + 1.4 * reach - 0.6 * along_view * _TRIAD * self.view_height * self.up
-        return np.stack([np.broadcast_to(origin, (3, 3)), origin + reach], axis=1), letters
+        letters = axis_letters(self.axes[:2].T, _TRIAD, 0.5 * _TRIAD, _LETTER) @ self.axes[:2]
+        letters = self.view_height * letters
+        origin = origin - min(0.0, float((letters @ self.up).min())) * self.up  # none reaches below
+        return np.stack([np.broadcast_to(origin, (3, 3)), origin + reach], axis=1), origin + letters
 
     def project(self, points: Points) -> Vector:
         """Positions of points on the screen [n, 2], right and up from its middle, in heights of the view."""
@@ -106,6 +108,30 @@ class Camera:
     def _view_height_at(self, depth: Vector) -> Vector:
         """Height of the view [n, 1] nearer to the eye than the target by `depth` [m]."""
         return 2 * math.tan(_HALF_FIELD) * (self.distance - depth)[:, None]
+
+
+def axis_letters(plane: Matrix, reach: float, beyond: float, size: Vector) -> Matrix:
+    """Choose where the letters of x, y and z stand on a picture, from the origin of the axes.
+
+    Parameters
+    ----------
+    plane
+        [3, 2] Directions of the axes on the picture; an axis along the view is short.
+    reach, beyond
+        Length of an axis across the view, and distance of its letter beyond its end, in units of the picture.
+    size
+        [2] Size of a letter with the room about it.
+    """
+    letters = list[Vector]()
+    for direction in plane:
+        short = np.linalg.norm(direction) < _SHORT
+        away = -plane.sum(axis=0) if short else direction
+        away = away / max(float(np.linalg.norm(away)), 1e-9)
+        at = reach * direction + beyond * away
+        while any((np.abs(at - other) < size).all() for other in letters):
+            at = at + 0.4 * beyond * away
+        letters.append(at)
+    return np.array(letters)
 
 
 def camera(points: Points, forward: Vector) -> Camera:

@@ -139,7 +139,11 @@ def _peak_words(a: Side, b: Side) -> str:
     before = _at_peak(a, "tension_out_N")
     share = f", {100 * out / before:+.0f} %" if before > 0 else ""
     stretch, stretch_error = _change(a, b, "elongation_m", "elongation_se_m")
-    same = "the same T_in" if round(pull, 2) == 0.0 else f"a T_in that is {pull:+.2f} N"
+    same = (
+        "the same T_in"
+        if round(pull, 2) == 0.0
+        else f"{abs(pull):.2f} N {'more' if pull > 0 else 'less'} T_in"
+    )
     s = parting(a, b)
     late = s is not None and s > _LIMITS.early_share * _at_peak(a, "length_m")
     where = f" The tensions differ from s = {1e3 * s:.0f} mm on." if s and late else ""
