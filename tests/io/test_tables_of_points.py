@@ -83,6 +83,7 @@ def test_a_column_without_unit_beside_others_with_one_is_refused(tmp_path):
     [
         ("", "line 1 is empty"),
         ("1,2,3\n4,5,6\n", "line 1 holds numbers, no header"),
+        ("1,2,3,4,5,6\n4,5,6,7,8,9\n", "points side by side a header such as S1_x_mm"),
         ("x_mm,y_mm\n1,2\n", "no column z_mm or z_m"),
         ("x_mm,y_mm,z_mm,x_mm\n1,2,3,4\n", "column 'x_mm' is there twice"),
         ("x_mm,y_mm,z_mm\n", "no row of points"),

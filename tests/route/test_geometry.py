@@ -129,7 +129,7 @@ def test_one_outlier_is_ignored_with_a_warning(sensed, size, where):
     shape = clean(points)
     spline = fit(shape)
     warnings = " ".join(shape.warnings + spline.warnings)
-    assert "1 outlying points" in warnings
+    assert "1 outlying point " in warnings
     assert f"(count from 0: {where})" in warnings
     assert curvature_profile(spline).total_angle == pytest.approx(clear, rel=0.01)
 

@@ -216,12 +216,12 @@ def _usable(points: Points, known: Vector | None) -> tuple[np.ndarray, tuple[str
     index = np.flatnonzero(observed)
     keep = _distinct(points[index])
     if not keep.all():
-        warnings += (f"{int((~keep).sum())} repeated points merged",)
+        warnings += (f"{_points(int((~keep).sum()), 'repeated')} merged",)
         index = index[keep]
     outlying = raw_outliers(points[index])
     if outlying.any():
         named = ", ".join(str(i) for i in index[outlying])
-        warnings += (f"{int(outlying.sum())} outlying points left out (count from 0: {named})",)
+        warnings += (f"{_points(int(outlying.sum()), 'outlying')} left out (count from 0: {named})",)
     index = index[~outlying]
     return index, warnings + _size_warnings(points[index])
 
@@ -286,7 +286,11 @@ def _refuse_unusable(points: Points, *, ordered: bool) -> None:
 def outlier_warnings(shape: Shape, weight: Vector) -> tuple[str, ...]:
     """Name the points that a fit gave no weight."""
     outliers = shape.index[weight <= 0.0].astype(int)
-    return (f"{len(outliers)} outlying points ignored {listed(outliers)}",) if len(outliers) else ()
+    return (f"{_points(len(outliers), 'outlying')} ignored {listed(outliers)}",) if len(outliers) else ()
+
+
+def _points(count: int, kind: str) -> str:
+    return f"{count} {kind} point" + ("" if count == 1 else "s")
 
 
 def order_warnings(shape: Shape, weight: Vector, stations: Vector, noise: float) -> tuple[str, ...]:

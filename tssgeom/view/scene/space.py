@@ -199,7 +199,7 @@ def _send_narrowest(sender: Sender, run: Run, measured: Sequence[Clearance]) -> 
     style = rr.LineStrips3D.from_fields(colors=colours.CONTACT, radii=rr.Radius.ui_points(2.0))
     sender.constant("lumen/narrowest", style)
     sender.send("lumen/narrowest", rr.LineStrips3D.columns(strips=segments_3d(lines)), counts)
-    label = rr.Points3D.from_fields(radii=0.0, colors=colours.CONTACT, show_labels=True)
+    label = rr.Points3D.from_fields(radii=0.0, colors=colours.WHITE, show_labels=True)
     sender.constant("lumen/narrowest/label", label)
     texts = [_distance_words(one.least) for one in measured if one.least is not None]
     columns = rr.Points3D.columns(positions=np.array([line[1] for line in lines]), labels=texts)
