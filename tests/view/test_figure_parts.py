@@ -9,9 +9,11 @@ from matplotlib.axes import Axes
 from tests.adapt.cases import follow
 from tests.twins import drifting_friction
 from tests.view.layout import faults
+from tssgeom import Arcs, compensate
 from tssgeom.adapt.offline import AlertRow, FollowedRun
 from tssgeom.stream import FrameResult
 from tssgeom.view.figures.adapt import followed_figure
+from tssgeom.view.figures.commands import command_figure
 from tssgeom.view.figures.plots import PAGE, figure, measured
 from tssgeom.view.figures.route import draw_route
 from tssgeom.view.figures.runs import draw_over_drive, draw_over_time
@@ -78,3 +80,16 @@ def test_every_panel_is_plotted_on_the_axes_that_it_gets(moving: list[FrameResul
         assert returned is axes
         assert drawing.axes[0] is axes
         assert faults(drawing) == []
+
+
+@pytest.mark.parametrize("by_tension", [False, True])
+def test_the_figure_of_commands_has_the_drive_the_distal_end_and_its_difference(by_tension: bool) -> None:
+    time = np.linspace(0.0, 4.0, 41)
+    target = (5.0 if by_tension else 0.003) * (1.0 - np.cos(np.pi * time / 2))
+    column = "tension_out_N" if by_tension else "displacement_out_m"
+    run = compensate(Arcs.exact([0.5], [np.pi]), {"time_s": time, column: target})
+    drawing = command_figure(time, target, run.rows, by_tension=by_tension)
+    assert faults(drawing) == []
+    drive = drawing.axes[0].lines[0].get_ydata()
+    sent = [each.tension_in if by_tension else 1e3 * each.displacement_in for each in run]
+    np.testing.assert_allclose(drive, sent)

@@ -1,4 +1,4 @@
-"""Figure of commands: where they bring the distal end, with 95 % bounds, beside the target."""
+"""Figure of commands: the drive, and where they bring the distal end, with 95 % bounds, beside the target."""
 
 from __future__ import annotations
 
@@ -12,27 +12,45 @@ from tssgeom.arrays import Vector
 from tssgeom.tendon.command import Command
 from tssgeom.tendon.command_error import MOST_OUTSIDE, bound
 from tssgeom.view.figures.plots import BLUE, INK, ORANGE, PAGE, figure, legend_below, titles
-from tssgeom.view.quantities import DISPLACEMENT_OUT, TENSION_OUT, TIME, Quantity
+from tssgeom.view.quantities import (
+    DISPLACEMENT_IN,
+    DISPLACEMENT_OUT,
+    TENSION_IN,
+    TENSION_OUT,
+    TIME,
+    Quantity,
+)
 
 _BAND = "#c9dcea"
-_HEIGHT = 3.3  # inch; chosen: two rows and a legend
+_HEIGHT = 4.4  # inch; chosen: three rows and a legend
 
 
 def command_figure(time: Vector, target: Vector, commands: Sequence[Command], *, by_tension: bool) -> Figure:
-    """Draw the distal end over time and its target, and mark what is cut, waits or is out of tolerance.
+    """Draw the drive and the distal end over time, and mark what is cut, waits or is out of tolerance.
 
     `target` is [n] the movement of the load [m], or with `by_tension` the distal tension [N].
     """
     with figure((PAGE, _HEIGHT)) as drawing:
-        axes, below = drawing.subplots(2, 1, sharex=True, height_ratios=(2.0, 1.0))
+        drive, axes, below = drawing.subplots(3, 1, sharex=True, height_ratios=(1.6, 1.6, 1.0))
+        draw_drive(drive, time, commands, by_tension=by_tension)
         draw_commands(axes, time, target, commands, by_tension=by_tension)
         draw_missed(below, time, target, commands, by_tension=by_tension)
-        axes.set_title("Where the commands bring the distal end; below, its distance from the target")
-        axes.set_xlabel("")
+        axes.set_title("Where they bring the distal end; below, its distance from the target")
         below.set_title("")
+        for each in (drive, axes):
+            each.set_xlabel("")
         legend_below(drawing, axes, 6)
-        drawing.align_ylabels([axes, below])
+        drawing.align_ylabels([drive, axes, below])
     return drawing
+
+
+def draw_drive(axes: Axes, time: Vector, commands: Sequence[Command], *, by_tension: bool) -> Axes:
+    """Draw the commands themselves: tensions of the drive for targets of tension, else displacements."""
+    of = TENSION_IN if by_tension else DISPLACEMENT_IN
+    values = [each.tension_in if by_tension else each.displacement_in for each in commands]
+    axes.plot(time, of.factor * np.array(values), color=of.ink, linewidth=1.2)
+    titles(axes, "Commands of the drive", TIME.title, of.label)
+    return axes
 
 
 def draw_commands(
