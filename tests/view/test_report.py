@@ -227,6 +227,13 @@ def test_inputs_that_are_wrong_in_one_way_are_a_kind_of_their_own(still, tmp_pat
     assert "6 inputs such as needle0: L 3810 mm" in re.sub(r"38\d\d mm", "3810 mm", text)
 
 
+def test_where_many_differ_none_is_outlying() -> None:
+    lengths = (0.5, 0.5, 0.5, 0.51, 0.43, 1.2, 1.29, 1.3)  # as in a folder of examples
+    rows = [summary(f"s{k}", length_m=length) for k, length in enumerate(lengths)]
+    assert outlying_inputs(rows) == []
+    assert [one.name for one in outlying_inputs(rows[:6])] == ["s5", "s4"]
+
+
 @pytest.mark.filterwarnings("error")
 def test_single_shapes_that_are_alike_have_no_outlying_input() -> None:
     assert outlying_inputs([summary(f"s{k}") for k in range(6)]) == []

@@ -24,6 +24,8 @@ class OutlyingLimits:
     """Inputs in a batch of which some may be outlying. Chosen: a median of fewer is too uncertain."""
     z: float = 3.5
     """Robust z beyond which an input is outlying. cited: Iglewicz and Hoaglin 1993."""
+    most_outlying: float = 1 / 3
+    """Share of a kind beyond which none is outlying in a feature: its values are spread [1]. chosen."""
     least_share: float = 1e-3
     """Least standard deviation of a length or a tension, of its median [1]. chosen: no sensor has less."""
     least_log_noise_sd: float = 0.1
@@ -129,7 +131,9 @@ def _scores(rows: Sequence[Row], feature: _Feature) -> _Score:
     own = np.full(len(rows), np.inf)
     if feature.se is not None:
         own = deviation / np.array([max(feature.se(row), 1e-300) for row in rows])
-    return _Score(np.where(applies, deviation / sd, 0.0), own, median)
+    z = np.where(applies, deviation / sd, 0.0)
+    outlying = (z > LIMITS.z) & (own > LIMITS.z)
+    return _Score(z * (outlying.sum() <= LIMITS.most_outlying * applies.sum()), own, median)
 
 
 def _angle_error(rows: Sequence[Row]) -> float:
