@@ -1,6 +1,6 @@
 """Rigs that are followed through hours of an independent simulator: numbers, distal tension, faults, cost.
 
-    python -m benchmarks.adaptive [--quick] [--seeds N] [--hours X] [--every N] [--tension-out] [--markdown]
+    python -m benchmarks.adaptive [RUN…] [--quick] [--seeds N] [--hours X] [--every N] [--tension-out]
 
 Each seed is another machine in another motion (tests/twins); position and T_in are measured. Errors are those
 of the filter; the first 30 s do not count. NEES is the normalised squared error over the count of numbers;
@@ -153,12 +153,13 @@ def fault(scenario: Scenario, every: int, *, tension_out: bool) -> Fault:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Print both tables; 1 where numbers are not followed or a sound run has an alarm."""
     options = _options(arguments)
+    wanted = options.runs or (_QUICK if options.quick else (*DRIFTS, *FAULTS))
     hours, every = (0.03, 4) if options.quick else (options.hours, options.every)
     seeds = range(1, 2) if options.quick else range(options.seeds)
     print(machine())
     rows, failed = list[list[str]](), list[str]()
     for kind, make in DRIFTS.items():
-        if options.quick and kind not in _QUICK:
+        if kind not in wanted:
             continue
         results = [sound(make(seed, hours), every, tension_out=options.tension_out) for seed in seeds]
         rows.append(_sound_row(kind, results, hours, 3 if options.tension_out else 2))
@@ -174,15 +175,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
             failed.append(f"{kind}: {sum(one.alarms for one in results)} false alarms")
     head = ["run", "μ rms %", "worst", "smoothed", "zero rms mN", "worst", "smoothed", "NEES", "smoothed"]
     head += ["its band", "95 % hold", "T_out mN", "exact", "false alarms", "in h", "µs"]
-    print(table(head, rows, text_columns=1, markdown=options.markdown), flush=True)
+    if rows:
+        print(table(head, rows, text_columns=1, markdown=options.markdown), flush=True)
     rows = list[list[str]]()
     for kind, make in FAULTS.items():
-        if (options.quick and kind not in _QUICK) or (kind == _DISTAL and not options.tension_out):
+        if kind not in wanted or (kind == _DISTAL and not options.tension_out):
             continue
         faults = [fault(make(seed, hours), every, tension_out=options.tension_out) for seed in seeds]
         rows.append(_fault_row(kind, faults))
     head = ["fault", "alarmed %", "after s, median", "worst", "named %", "false alarms", "named otherwise"]
-    print(table(head, rows, text_columns=1, markdown=options.markdown))
+    if rows:
+        print(table(head, rows, text_columns=1, markdown=options.markdown))
     for text in failed:
         print(f"failed: {text}", file=sys.stderr)
     return 1 if failed else 0
@@ -229,11 +232,16 @@ def _fault_row(kind: str, results: Sequence[Fault]) -> list[str]:
 
 def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser = options_parser(__doc__, "a seed, two drifts and a fault of 108 s at 25 Hz")
+    runs = (*DRIFTS, *FAULTS)
+    parser.add_argument("runs", nargs="*", metavar="RUN", help=f"of {', '.join(runs)}; all by default")
     parser.add_argument("--seeds", type=int, default=3, help="machines")
     parser.add_argument("--hours", type=float, default=0.2, help="length of each run")
     parser.add_argument("--every", type=int, default=1, help="of the samples, at 100 Hz, which one counts")
     parser.add_argument("--tension-out", action="store_true", help="T_out is measured too")
-    return parser.parse_args(arguments)
+    options = parser.parse_args(arguments)
+    if unknown := sorted(set(options.runs) - set(runs)):
+        parser.error(f"no run {unknown[0]}; there are {', '.join(runs)}")
+    return options
 
 
 if __name__ == "__main__":
