@@ -176,8 +176,9 @@ def tendon(take: Take, *, quick: bool) -> Numbers:
                 plain = map(Frame, bends, time)
                 frames = [replace(one, **{drive: x}) for one, x in zip(plain, values, strict=True)]
                 label = f"{name}, {'moving' if moving else 'standing'}, {drive}"
-                numbers |= (moved := _transmitted(label, list(process(frames, rig, tension_in=5.0))))
-                take(*moved.values())
+                ends = _transmitted(label, list(process(frames, rig, tension_in=5.0)))
+                numbers |= ends
+                take(*ends.values())
     return numbers
 
 
