@@ -19,7 +19,7 @@ from tssgeom.tendon.bars.model import Model, model_of, moved, setup_of
 from tssgeom.tendon.bars.plant import Memory
 from tssgeom.tendon.bars.with_effects import cut, effective_setup
 from tssgeom.tendon.moving import unmoved
-from tssgeom.tendon.state import TendonState, corners
+from tssgeom.tendon.state import SHARPER, TendonState, corners
 from tssgeom.tendon.transmission import Transmission
 
 
@@ -28,9 +28,6 @@ class CarrySettings(NamedTuple):
 
     moved: float = 0.1
     """Change of a number, over its standard error, from which the rig is built anew [1]; chosen: small."""
-    sharper: float = 0.5
-    """Of the standard error of Φ: a route that is known so much better replaces the one before [1].
-    Chosen: as for a tendon that no filter follows."""
 
 
 CARRY = CarrySettings()
@@ -68,7 +65,7 @@ class OnSensedRoute:
         """Return the route on which the tendons lie: as before where it has not moved beyond its errors."""
         known = self.sensed
         if known is not None and known is not arcs and unmoved(known, arcs):
-            arcs = arcs if arcs.total_angle_se < CARRY.sharper * known.total_angle_se else known
+            arcs = arcs if arcs.total_angle_se < SHARPER * known.total_angle_se else known
         self.sensed = arcs
         return arcs
 

@@ -5,7 +5,7 @@ Cycles that are held out between fitted ones do not show whether a part goes on 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -15,19 +15,9 @@ from tssgeom.identify.machine_evidence import FittedModel, contradicted, held_ou
 from tssgeom.identify.machine_fit import fit_round, fitted_again
 from tssgeom.identify.machine_problem import fitted_rows
 from tssgeom.identify.machine_run import LIMITS, MachineRun
+from tssgeom.identify.readings import READING
 from tssgeom.statistics import turns
 from tssgeom.tendon.machine_simulation import drive_channels
-
-
-@dataclass(frozen=True, slots=True)
-class ForecastSettings:
-    """What is predicted."""
-
-    share: float = 1.0 / 3.0
-    """Of each run, about: its end, which is predicted [1]; chosen: as much as of a tendon's only run."""
-
-
-FORECAST = ForecastSettings()
 
 
 def contradiction(before: FittedModel | None, model: FittedModel) -> str:
@@ -60,7 +50,7 @@ def forecast(model: FittedModel) -> FittedModel | None:
 def _at_end(run: MachineRun) -> np.ndarray:
     """Return which samples are the end of a run, from a turn on where there are enough [n] bool."""
     motion = run.given[drive_channels(run.drive, run.tendons)[0]]
-    first = round((1.0 - FORECAST.share) * len(motion))
+    first = round((1.0 - 1.0 / READING.cycles) * len(motion))
     edges = turns(motion, LIMITS.turn * float(np.ptp(motion)))[1:-1]
     if len(edges) > 2:
         first = int(edges[np.argmin(np.abs(np.asarray(edges) - first))])

@@ -10,7 +10,7 @@ import numpy as np
 from tssgeom.arrays import Vector
 from tssgeom.errors import FitError, SettingsError
 from tssgeom.identify.drive import calmed
-from tssgeom.identify.readings import with_added
+from tssgeom.identify.readings import READING, with_added
 from tssgeom.identify.turning import Legs, legs, with_turns
 from tssgeom.mechanism import numbered, tendon_count
 from tssgeom.rig import Rig
@@ -35,8 +35,6 @@ class MachineRunLimits:
     """Turns of a tension that drives whose level is fitted; chosen."""
     zero: float = 0.3
     """Standard deviation of the zero of a channel, of its range [1]; chosen."""
-    held_out: float = 0.34
-    """Share of the cycles that are held out, at least one where there are two [1]; chosen: a third."""
 
 
 LIMITS = MachineRunLimits()
@@ -216,7 +214,7 @@ def _held_out(motion: Vector) -> np.ndarray:
     legs_made = len(edges) - 1
     out = np.zeros(len(motion), dtype=bool)
     if legs_made >= 4:
-        held = max(2, 2 * round(0.5 * LIMITS.held_out * legs_made))
+        held = 2 * max(1, round(0.5 * legs_made / READING.cycles))
         out[edges[-1 - held] + 1 :] = True
     return out
 

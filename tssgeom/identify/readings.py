@@ -31,7 +31,7 @@ class ReadingLimits:
     noisier: float = 1.5
     """Over the specified noise: from here the noise of the data counts [1]; chosen."""
     cycles: int = 3
-    """Whole cycles from which the last third of a single run is held out; chosen: two remain to be fitted."""
+    """One of so many cycles, the last, is held out, or predicted; chosen: two remain to be fitted."""
     at_rest: float = 20.0
     """Of its noise: a first position below it is the zero [1]; chosen."""
     position_worth: float = 5.0
@@ -108,7 +108,7 @@ def _by_cycles(reading: Reading) -> tuple[list[Reading], list[str]]:
         return [reading], [
             f"There is one run of {cycles} whole cycles, so nothing is held out: the result was not checked."
         ]
-    kept = cycles - max(1, cycles // 3)
+    kept = cycles - cycles // READING.cycles
     first = int(turns[2 * kept - 1])
     parts = (np.arange(len(reading.time)) < first, np.arange(len(reading.time)) >= first)
     parts[1][0] = True  # the zero of a channel is that of its first reading

@@ -40,9 +40,8 @@ ACCURACY = 1e-10
 _WIDENINGS = 40  # of the range in which a drive is sought
 _LEAST_REACH = 1e-3  # of the tension, to begin with
 _FIRST_REACH = 1e-6  # m
-_INSIDE = (
-    0.01  # of the tension that the drive is from an answer, from which on it is in the dead zone; chosen
-)
+DEAD_ZONE = 0.01
+"""Of the tension of the drive, or of the motion of a joint: from which on there is no answer [1]; chosen."""
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -205,7 +204,7 @@ def _waiting(move: _Move, held: TendonState) -> TendonState | None:
     """Return the tendon with the drive where it is, if that is inside the dead zone; docs/model.md (215)."""
     before, sign = move.state, 1 if move.target > held.tension_out else -1
     start = _answering(held, move.rig, held.tension_out, sign)
-    if before.route is None or sign * (start - held.tension_in) <= _INSIDE * held.tension_in:
+    if before.route is None or sign * (start - held.tension_in) <= DEAD_ZONE * held.tension_in:
         return None
     if held.route is before.route:
         return held

@@ -16,6 +16,7 @@ from tssgeom.core.constants_tendon_rows import HELD
 from tssgeom.errors import SettingsError
 from tssgeom.mechanism import NO_LIMITS, per_motor_angle
 from tssgeom.tendon.bars.plant import Memory
+from tssgeom.tendon.command import DEAD_ZONE
 from tssgeom.tendon.drive_limits import within
 from tssgeom.tendon.machine import (
     Machine,
@@ -39,9 +40,6 @@ class CommandSettings:
     """First step of the search [rad]; chosen."""
     farthest: float = 100.0
     """Angle from which the target is out of reach [rad]; chosen: sixteen turns of a motor."""
-    dead: float = 0.01
-    """Share of its motion without friction and stretch below which a joint does not follow its motor [1];
-    chosen: as for one tendon, (215)."""
 
 
 COMMAND = CommandSettings()
@@ -229,7 +227,7 @@ class _Sample:
         step = min(COMMAND.first, abs(angle - near))
         by = self.at(near + way * step)[0] - self.at(near)[0]
         free = step * abs(self.arms[0]) / self.machine.rig.end.radius_m
-        return not abs(by) > COMMAND.dead * free
+        return not abs(by) > DEAD_ZONE * free
 
     def within_limits(self, motor: float, was: float, near: float, elapsed: float) -> tuple[float, str]:
         """Return the angle of the motor that keeps to the limits, and the names of those that cut it."""

@@ -17,6 +17,7 @@ import numpy as np
 
 from tssgeom import core
 from tssgeom.arrays import Matrix, Points, Vector, rows_at
+from tssgeom.route.model_choice import NOISE_PRIOR
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,8 +40,6 @@ class FibrePrior:
     """From one such length to the next, up to that of the fibre [1]. Chosen."""
     noise_per_m: float = 0.1
     """Typical noise of a component [1/m]. Chosen: strains of some 10⁻⁶ in cores 40 µm off the middle."""
-    noise_decades: float = 0.7
-    """Standard deviation of its logarithm [decades]. Chosen: 0.004 to 2.4/m in nineteen of twenty fibres."""
     noise_range: tuple[float, float] = (1e-4, 1.5)
     """Bounds of an unknown noise, in rms curvatures of what is fitted [1]. Chosen."""
 
@@ -248,7 +247,7 @@ def _near(sensed: Sensed, kinds: Kinds, last: LastNoise) -> Noises | None:
 
 def _log_density(sensed: Sensed, kinds: Kinds, log_noise: float) -> float:
     """Evidence times the prior of ln noise (natural logarithm)."""
-    width = PRIOR.noise_decades * math.log(10.0)
+    width = NOISE_PRIOR.decades * math.log(10.0)
     off = (log_noise - math.log(PRIOR.noise_per_m)) / width
     prior = -0.5 * off**2 - math.log(width * math.sqrt(2.0 * math.pi))
     return partitions(sensed, kinds, math.exp(log_noise)).log_evidence + prior

@@ -20,7 +20,8 @@ class KindLimits:
     """When inputs of a batch are of two kinds."""
 
     fewest: int = 5
-    """Inputs of a kind. chosen: a median of fewer is too uncertain."""
+    """Inputs of a kind, and inputs of which some may be outlying. chosen: a median of fewer is too
+    uncertain."""
     apart: float = 3.0
     """Least interval between two kinds, over the greater robust standard deviation of both [1]. fitted: at
     most 2.5 % of 400 batches of one normal, uniform, exponential or log-normal quantity are split, of 10 to
@@ -31,7 +32,7 @@ class KindLimits:
     """Least standard deviation of the logarithms of L and noise and of Φ, of its median [1]. chosen: 1 %."""
 
 
-LIMITS = KindLimits()
+KIND_LIMITS = KindLimits()
 LEAST_NOISE = 1e-9
 """Noise below which an input has none [m]. chosen: no sensor resolves it."""
 
@@ -76,7 +77,7 @@ def _parts(values: NDArray[np.float64], members: NDArray[np.intp]) -> list[NDArr
     """Split at the widest interval in any column, and both parts again."""
     widest = [_widest_interval(column) for column in values[members].T]
     ratio, limit = max(widest)
-    if ratio <= LIMITS.apart:
+    if ratio <= KIND_LIMITS.apart:
         return [members]
     below = values[members, [one for one, _ in widest].index(ratio)] < limit
     return _parts(values, members[below]) + _parts(values, members[~below])
@@ -85,18 +86,18 @@ def _parts(values: NDArray[np.float64], members: NDArray[np.intp]) -> list[NDArr
 def _widest_interval(column: NDArray[np.float64]) -> tuple[float, float]:
     """Return the widest interval between two values, over the spread beside it, and its middle."""
     ordered = np.sort(column)
-    ends = np.arange(LIMITS.fewest, len(ordered) - LIMITS.fewest + 1)
+    ends = np.arange(KIND_LIMITS.fewest, len(ordered) - KIND_LIMITS.fewest + 1)
     if not len(ends):
         return 0.0, 0.0
     between = np.diff(ordered)[ends - 1]
-    tried = ends[np.argsort(-between, kind="stable")[: LIMITS.most_tried]]
-    ratios = [between[k - LIMITS.fewest] / max(_sd(ordered[:k]), _sd(ordered[k:])) for k in tried]
+    tried = ends[np.argsort(-between, kind="stable")[: KIND_LIMITS.most_tried]]
+    ratios = [between[k - KIND_LIMITS.fewest] / max(_sd(ordered[:k]), _sd(ordered[k:])) for k in tried]
     best = int(np.argmax(ratios))
     return float(ratios[best]), float(ordered[tried[best] - 1 : tried[best] + 1].mean())
 
 
 def _sd(values: NDArray[np.float64]) -> float:
-    return max(robust_sd(values - np.median(values)), LIMITS.least_sd)
+    return max(robust_sd(values - np.median(values)), KIND_LIMITS.least_sd)
 
 
 def _words(rows: Sequence[Row]) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 
 from tssgeom.core.constants import ROUNDING
 from tssgeom.statistics import robust_sd
-from tssgeom.view.report.kinds import kinds, log_noise, noise_text
+from tssgeom.view.report.kinds import KIND_LIMITS, kinds, log_noise, noise_text
 
 Row = Mapping[str, Any]
 
@@ -20,8 +20,6 @@ Row = Mapping[str, Any]
 class OutlyingLimits:
     """When an input of a batch differs from the others."""
 
-    fewest: int = 5
-    """Inputs in a batch of which some may be outlying. Chosen: a median of fewer is too uncertain."""
     z: float = 3.5
     """Robust z beyond which an input is outlying. cited: Iglewicz and Hoaglin 1993."""
     most_outlying: float = 1 / 3
@@ -90,7 +88,7 @@ def outlying_inputs(rows: Sequence[Row]) -> list[OutlyingInput]:
 
 def _of_kind(rows: Sequence[Row]) -> Iterator[tuple[bool, OutlyingInput]]:
     """Yield the outlying inputs of one kind, with whether only shares of their frames are outlying."""
-    if len(rows) < LIMITS.fewest:
+    if len(rows) < KIND_LIMITS.fewest:
         return
     scores = [_scores(rows, feature) for feature in _FEATURES]
     for k, row in enumerate(rows):
@@ -122,7 +120,7 @@ def _words(row: Row, feature: _Feature, median: float) -> str:
 
 def _scores(rows: Sequence[Row], feature: _Feature) -> _Score:
     applies = np.array([feature.applies_to(row) for row in rows])
-    if applies.sum() < LIMITS.fewest:
+    if applies.sum() < KIND_LIMITS.fewest:
         return _Score(np.zeros(len(rows)), np.zeros(len(rows)), math.nan)
     values = np.array([feature.of(row) for row in rows])
     median = float(np.median(values[applies]))
