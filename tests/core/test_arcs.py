@@ -139,7 +139,7 @@ def test_a_candidate_that_cannot_come_down_is_given_up_and_one_that_does_is_fitt
         data, chain = problem(seed)
         plain = arcs_fit.fit_pieces(data, chain, math.inf, False)
         least = criterion(data, plain) + (1.0 if seed % 2 else -1.0)
-        result = fit_candidate(data, chain, least)
+        result = fit_candidate(data, chain, least).better
         expected = arcs_fit.improved(data, chain, least)
         assert (result is None) == (expected is None)
         if result is not None and expected is not None:
@@ -304,7 +304,7 @@ def test_numbers_that_are_none_end_without_a_result():
         count = parameter_count(chain.curved, data.free)
         known = (count, data.points, data.free, 0.0, None, None)
         assert not core.follow_chain(*known, *nowhere[:3], 0.0)[2]
-        assert fit_candidate(data, nowhere, 1e9) is None
+        assert fit_candidate(data, nowhere, 1e9).better is None
     unknown = np.full_like(data.points, math.nan)
     assert not core.follow_chain(count, unknown, data.free, 0.0, None, None, *chain[:3], 0.0)[2]
 

@@ -51,14 +51,15 @@ ENTRY status tss_along_chain(
 With a finite `least` it is a candidate: `better` is whether its criterion comes below that, with a point on
 every piece or kink; the fit is given up, unfinished, where that is out of reach. With `restart` it begins
 anew at the foot of the first point, where stations are unknown: in a fit its start moves only across
-itself, so the ends of a route that moves would run away from it. */
+itself, so the ends of a route that moves would run away from it. `evaluations`: how often the normal equations
+were built. */
 ENTRY status tss_fit_pieces(
     int64_t n, int64_t k, int64_t m, const double points[n][3], const double weight[n], int64_t free,
     double variance, double spacing, OPTIONAL const double unit[n][3], OPTIONAL const double unit_weight[n],
     double shortest, const double form[k + 4][3], const uint8_t curved[k], const double stations[n],
-    double least_criterion, int64_t restart, OUT int64_t *better, OUT double new_form[k + 4][3],
-    OUT double new_stations[n], OUT double matrix[m][m], OUT double *cost, OUT double square[n],
-    WORK double work[4 * n + 60 * k * k + 600 * k + 400]);
+    double least_criterion, int64_t restart, OUT int64_t *better, OUT int64_t *evaluations,
+    OUT double new_form[k + 4][3], OUT double new_stations[n], OUT double matrix[m][m], OUT double *cost,
+    OUT double square[n], WORK double work[4 * n + 60 * k * k + 600 * k + 400]);
 
 /** Return weights by distance from a chain: 0 for an outlier; and before these whether they differ from those
 given.
@@ -195,13 +196,14 @@ void schur_complement(
 /* arcs_fit.c */
 int64_t value_count(const Data *data);
 double noise_variance(const Data *data, const Chain *chain);
+double residual_mean_square(const Data *data, const Chain *chain);
 double piece_length(const Data *data, const Chain *chain, int64_t j);
 int64_t is_sized(int64_t n, int64_t k, int64_t m, const uint8_t curved[], int64_t free);
 static inline int64_t first_joint_column(int64_t free) { return (free ? 2 : 3) + 2; }
 Chain chain_of(
     int64_t k, int64_t m, const double form[][3], const uint8_t curved[], const double stations[],
     const double matrix[], double cost);
-void fit_pieces(const Data *data, Chain *chain, double goal, int64_t restart, Work w);
+int64_t fit_pieces(const Data *data, Chain *chain, double goal, int64_t restart, Work w);
 int64_t outlier_weights(const Data *data, const double square[], double last, double weight[], Work w);
 int64_t chain_fits(const Data *data, const Chain *chain, double last);
 Chain begun_chain(

@@ -1,16 +1,21 @@
 /* Normal equations of a few dozen parameters: solved and inverted by Cholesky, each in its own unit. */
 #include "arcs.h"
 
-/* Cholesky factor of the matrix scaled to unit diagonal plus `damping`, and the units. */
+/* Cholesky factor of the matrix scaled to unit diagonal plus `damping`, and the units. What is above the
+   diagonal of `lower` holds its columns, side by side. */
 void factor(int64_t m, const double matrix[], double damping, double lower[], double unit[]) {
     for (int64_t a = 0; a < m; a++) unit[a] = 1.0 / sqrt(most(matrix[a * m + a], 1e-30));
     for (int64_t a = 0; a < m; a++)
-        for (int64_t b = 0; b <= a; b++) {
-            double rest = matrix[a * m + b] * unit[a] * unit[b];
-            for (int64_t c = 0; c < b; c++) rest -= lower[a * m + c] * lower[b * m + c];
-            lower[a * m + b] = a == b ? sqrt(most(rest + damping, ROUNDING.exact))
-                                      : rest / lower[b * m + b];
+        for (int64_t b = 0; b <= a; b++) lower[a * m + b] = matrix[a * m + b] * unit[a] * unit[b];
+    for (int64_t c = 0; c < m; c++) {
+        double *column = lower + c * m, pivot = sqrt(most(column[c] + damping, ROUNDING.exact));
+        column[c] = pivot;
+        for (int64_t a = c + 1; a < m; a++) column[a] = lower[a * m + c] /= pivot;
+        for (int64_t a = c + 1; a < m; a++) {
+            double *row = lower + a * m, share = row[c];
+            for (int64_t b = c + 1; b <= a; b++) row[b] -= share * column[b];
         }
+    }
 }
 
 /* Forward substitution of one right-hand side that is `stride` numbers apart, in units. */
@@ -64,15 +69,25 @@ void schur_complement(
     int64_t m, const double lower[], const double unit[], const double gradient[], int64_t d,
     const double cross[], const double own[], const double slope[], double left[], double rest[], Work w) {
     double *half = take(&w, m * d), *last = take(&w, m);
-    for (int64_t e = 0; e < d; e++) substitute(m, lower, unit, cross + e, d, half + e * m);
+    for (int64_t a = 0; a < m; a++) { /* all right-hand sides side by side */
+        double *row = half + a * d;
+        for (int64_t e = 0; e < d; e++) row[e] = cross[a * d + e] * unit[a];
+        for (int64_t c = 0; c < a; c++) {
+            double share = lower[a * m + c];
+            for (int64_t e = 0; e < d; e++) row[e] -= share * half[c * d + e];
+        }
+        for (int64_t e = 0; e < d; e++) row[e] /= lower[a * m + a];
+    }
     substitute(m, lower, unit, gradient, 1, last);
     for (int64_t e = 0; e < d; e++) {
+        double *row = left + e * d;
         rest[e] = slope[e];
-        for (int64_t a = 0; a < m; a++) rest[e] -= half[e * m + a] * last[a];
-        for (int64_t f = 0; f <= e; f++) {
-            double value = own[e * d + f];
-            for (int64_t a = 0; a < m; a++) value -= half[e * m + a] * half[f * m + a];
-            left[e * d + f] = left[f * d + e] = value;
+        for (int64_t f = 0; f <= e; f++) row[f] = own[e * d + f];
+        for (int64_t a = 0; a < m; a++) {
+            double share = half[a * d + e];
+            rest[e] -= share * last[a];
+            for (int64_t f = 0; f <= e; f++) row[f] -= share * half[a * d + f];
         }
+        for (int64_t f = 0; f < e; f++) left[f * d + e] = row[f];
     }
 }

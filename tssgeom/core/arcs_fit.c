@@ -31,12 +31,27 @@ double piece_length(const Data *data, const Chain *chain, int64_t j) {
     return end - chain->form->piece[j].begin;
 }
 
+/* Number of values that are left when the parameters are fitted, at least 1. */
+static double freedom_of(const Data *data, const Chain *chain) {
+    int64_t left = value_count(data) - chain->m;
+    return (double)(left > 1 ? left : 1);
+}
+
 /* Noise variance of a coordinate, known or from the residuals [m²]. */
 double noise_variance(const Data *data, const Chain *chain) {
     if (data->variance > 0.0) return data->variance;
-    int64_t freedom = value_count(data) - chain->m;
-    return most(chain->cost / (double)(freedom > 1 ? freedom : 1),
-                squared(ROUNDING.relative * data->spacing));
+    return most(chain->cost / freedom_of(data, chain), squared(ROUNDING.relative * data->spacing));
+}
+
+/* Greatest mean square of residuals that noise of variance 1 leaves. */
+static double highest_mean_square(double freedom) { return 1.0 + CHANCE.never * sqrt(2.0 / freedom); }
+
+/* Noise variance of a coordinate, or the mean square of the residuals where that is more than chance [m²];
+   docs/model.md (222). */
+double residual_mean_square(const Data *data, const Chain *chain) {
+    double freedom = freedom_of(data, chain), variance = noise_variance(data, chain);
+    double found = chain->cost / freedom;
+    return found > highest_mean_square(freedom) * variance ? found : variance;
 }
 
 /* Bayesian information criterion: -2 ln of the greatest likelihood, plus the price of every parameter;
@@ -156,9 +171,10 @@ Chain chain_of(
                    .matrix = (double *)matrix, .cost = cost};
 }
 
-/* Fit a chain by Levenberg and Marquardt, in place; see tss_fit_pieces. */
-void fit_pieces(const Data *data, Chain *chain, double goal, int64_t restart, Work w) {
-    int64_t m = chain->m, n = data->n;
+/* Fit a chain by Levenberg and Marquardt, in place, and return how often the normal equations were built; see
+   tss_fit_pieces. */
+int64_t fit_pieces(const Data *data, Chain *chain, double goal, int64_t restart, Work w) {
+    int64_t m = chain->m, n = data->n, evaluations = 1;
     double *lower = take(&w, m * m), *unit = take(&w, m), *step = take(&w, m);
     double damping = CHAIN_FIT.first_damping, reach = CHAIN_FIT.reach * data->spacing;
     double values = (double)value_count(data);
@@ -178,6 +194,7 @@ void fit_pieces(const Data *data, Chain *chain, double goal, int64_t restart, Wo
         step_chain(step, data->free, data->shortest * data->spacing, now.stations[n - 1], &now, tried.form);
         memcpy(tried.stations, now.stations, (size_t)n * sizeof(double));
         normal_equations(data, &tried, reach, w);
+        evaluations++;
         if (tried.cost < now.cost && turn_is_identifiable(data, &tried)) {
             double saved = now.cost - tried.cost;
             Chain before = now;
@@ -196,14 +213,13 @@ void fit_pieces(const Data *data, Chain *chain, double goal, int64_t restart, Wo
         memcpy(chain->matrix, now.matrix, (size_t)(m * m) * sizeof(double));
     }
     chain->cost = now.cost;
+    return evaluations;
 }
 
 /* Whether the points are off the chain by no more than noise, of a variance as in the last frame [m²]. */
 int64_t chain_fits(const Data *data, const Chain *chain, double last) {
     if (!turn_is_identifiable(data, chain)) return 0;
-    int64_t left = value_count(data) - chain->m;
-    double freedom = (double)(left > 1 ? left : 1);
-    double highest = 1.0 + CHANCE.never * sqrt(2.0 / freedom);
+    double freedom = freedom_of(data, chain), highest = highest_mean_square(freedom);
     if (data->variance > 0.0) return chain->cost < highest * data->variance * freedom;
     double usual = most(last, squared(ROUNDING.relative * data->spacing)) * freedom;
     double lowest = squared(CHAIN_TRACKING.exact * data->spacing) * freedom;
@@ -281,19 +297,19 @@ status tss_fit_pieces(
     int64_t n, int64_t k, int64_t m, const double points[n][3], const double weight[n], int64_t free,
     double variance, double spacing, const double unit[n][3], const double unit_weight[n], double shortest,
     const double form[k + 4][3], const uint8_t curved[k], const double stations[n], double least_criterion,
-    int64_t restart, int64_t *better, double new_form[k + 4][3], double new_stations[n], double matrix[m][m],
-    double *cost, double square[n], double work[4 * n + 60 * k * k + 600 * k + 400]) {
+    int64_t restart, int64_t *better, int64_t *evaluations, double new_form[k + 4][3],
+    double new_stations[n], double matrix[m][m], double *cost, double square[n], double work[4 * n + 60 * k * k + 600 * k + 400]) {
     if (!is_sized(n, k, m, curved, free)) return WRONG_SIZE;
     Work w = {work};
     Data data = {n, points, weight, free, variance, spacing, unit, unit_weight, shortest};
     Chain chain =
         begun_chain(n, k, m, form, curved, stations, new_form, new_stations, matrix[0], square, &w);
     double goal = isinf(least_criterion) ? INFINITY : cost_at_criterion(&data, m, least_criterion);
-    fit_pieces(&data, &chain, goal, restart, w);
+    *evaluations = fit_pieces(&data, &chain, goal, restart, w);
     /* a straightened, merged, dropped or split piece stays where the criterion falls; docs/model.md (126) */
     *better = criterion_of(&data, &chain) < least_criterion && is_observed(&data, &chain, w);
     /* a fit that came down slowly may have stopped short of its best */
-    if (*better && !isinf(least_criterion)) fit_pieces(&data, &chain, INFINITY, 0, w);
+    if (*better && !isinf(least_criterion)) *evaluations += fit_pieces(&data, &chain, INFINITY, 0, w);
     *cost = chain.cost;
     return DONE;
 }

@@ -96,7 +96,7 @@ static double pieces_of(
     double hidden[], double variances[][3], Work w) {
     int64_t k = chain->k, m = chain->m, r = 2 * k, joint = first_joint_column(data->free) - 1;
     double *gradient = take(&w, r * m), *lower = take(&w, m * m), *unit = take(&w, m);
-    double variance = noise_variance(data, chain);
+    double variance = residual_mean_square(data, chain);
     memset(gradient, 0, (size_t)(r * m) * sizeof(double));
     for (int64_t j = 0, column = joint + k; j < k; j++) {
         double *of_length = gradient + j * m, *of_angle = gradient + (k + j) * m;
@@ -193,31 +193,32 @@ status tss_follow_chain(
     return DONE;
 }
 
-/* What d sums of p more parameters save of the cost [m²]: left and rest are the information [p, p] and the
-   gradient [p] of these, the rest of the chain fitted with them, and own the information without that; rows
-   are `stride` apart. */
+/* What d sums of more parameters save of the cost [m²]: left and rest are the information and the gradient of
+   these, the rest of the chain fitted with them, and own the information without that; rows are `stride`
+   apart. Sum e is of `width` parameters from the one at begin[e]. */
 static double saved_by_sums(
-    int64_t p, int64_t stride, const double left[], const double own[], const double rest[], int64_t d,
-    const double sums[], Work w) {
-    double *matrix = take(&w, d * d), *slope = take(&w, d), *step = take(&w, d), *half = take(&w, 2 * p);
+    int64_t width, int64_t stride, const double left[], const double own[], const double rest[], int64_t d,
+    const double sums[], const int64_t begin[], Work w) {
+    double *matrix = take(&w, d * d), *slope = take(&w, d), *step = take(&w, d);
     double *lower = take(&w, d * d), *unit = take(&w, d), saved = 0.0;
     for (int64_t e = 0; e < d; e++) {
-        const double *sum = sums + e * p;
+        const double *sum = sums + e * width;
         double whole = 0.0;
         slope[e] = 0.0;
-        for (int64_t a = 0; a < p; a++) {
-            half[a] = half[p + a] = 0.0;
-            for (int64_t b = 0; b < p; b++) {
-                half[a] += left[a * stride + b] * sum[b];
-                half[p + a] += own[a * stride + b] * sum[b];
-            }
-            slope[e] += sum[a] * rest[a];
-            whole += sum[a] * half[p + a];
+        for (int64_t a = 0; a < width; a++) {
+            const double *row = own + (begin[e] + a) * stride + begin[e];
+            slope[e] += sum[a] * rest[begin[e] + a];
+            for (int64_t b = 0; b < width; b++) whole += sum[a] * row[b] * sum[b];
         }
-        for (int64_t f = 0; f < d; f++) {
+        for (int64_t f = 0; f <= e; f++) {
+            const double *other = sums + f * width;
             double value = 0.0;
-            for (int64_t a = 0; a < p; a++) value += sums[f * p + a] * half[a];
-            matrix[e * d + f] = e == f ? most(value, ROUNDING.exact * whole) : value;
+            for (int64_t a = 0; a < width; a++) {
+                const double *row = left + (begin[e] + a) * stride + begin[f];
+                for (int64_t b = 0; b < width; b++) value += sum[a] * row[b] * other[b];
+            }
+            if (e == f) value = most(value, ROUNDING.exact * whole);
+            matrix[e * d + f] = matrix[f * d + e] = value;
         }
     }
     factor(d, matrix, ROUNDING.exact, lower, unit);
@@ -282,29 +283,30 @@ status tss_saved_by_parts(
     if (CHAIN_MOVES.parts > 4) return WRONG_SIZE; /* the header's working memory is that of four */
     int64_t parts = CHAIN_MOVES.parts, of_piece = 2 * parts, p = of_piece * k;
     double *left = take(&w, p * p), *rest = take(&w, p), *own = take(&w, p * p);
-    double *sums = take(&w, (2 * k + 2) * p);
+    double *sums = take(&w, (2 * k + 2) * of_piece);
+    int64_t *begin = (int64_t *)take(&w, 2 * k + 2);
     double noise = noise_variance(&data, &chain);
     part_equations(&data, &chain, left, rest, own, w);
     for (int64_t j = 0; j < k; j++) {
-        int64_t corner = of_piece * j * (p + 1);
         saved[j] = 0.0, part[j] = 0;
         if (!(piece_length(&data, &chain, j) >= (double)CHAIN_MOVES.parts * spacing)) continue;
+        for (int64_t e = 0; e < 4; e++) begin[e] = of_piece * j;
         for (int64_t cut = 1; cut < parts; cut++) {
             /* the level of a curved piece is a parameter already: one side of the joint is enough */
             int64_t d = curved[j] ? 2 : 4;
             for (int64_t e = 0; e < d; e++)
                 for (int64_t a = 0; a < of_piece; a++)
                     sums[e * of_piece + a] = a % 2 == e % 2 && (a / 2 >= cut) == (e >= 2);
-            double here =
-                saved_by_sums(of_piece, p, left + corner, own + corner, rest + of_piece * j, d, sums, w);
+            double here = saved_by_sums(of_piece, p, left, own, rest, d, sums, begin, w);
             if (here / noise > saved[j]) saved[j] = here / noise, part[j] = cut;
         }
     }
-    for (int64_t e = 0; e < 2 * k; e++)
-        for (int64_t a = 0; a < p; a++) {
-            int64_t same = a / of_piece == e / 2 && a % 2 == e % 2;
-            sums[e * p + a] = same ? (double)(a % of_piece / 2) - 0.5 * (double)(parts - 1) : 0.0;
-        }
-    *by_slopes = saved_by_sums(p, p, left, own, rest, 2 * k, sums, w) / noise - (double)(2 * k);
+    for (int64_t e = 0; e < 2 * k; e++) {
+        begin[e] = of_piece * (e / 2);
+        for (int64_t a = 0; a < of_piece; a++)
+            sums[e * of_piece + a] =
+                a % 2 == e % 2 ? (double)(a / 2) - 0.5 * (double)(parts - 1) : 0.0;
+    }
+    *by_slopes = saved_by_sums(of_piece, p, left, own, rest, 2 * k, sums, begin, w) / noise - (double)(2 * k);
     return DONE;
 }

@@ -48,6 +48,9 @@ class ChainFit(NamedTuple):
     wide: float = 3.0
     """Distance of points that have unobserved ones between them [mean spacings]; chosen."""
 
+    work_of_square: float = 1.0 / 6.0
+    """Work of a squared parameter in an evaluation [visits of a point]; measured: 0.01 µs beside 0.07 µs."""
+
     kink: float = 0.1
     """Shortest piece of a chain with kinks [mean spacings]; chosen."""
 
@@ -65,9 +68,12 @@ class ChainMoves(NamedTuple):
     """Most pieces of a chain [1]; chosen."""
     trials: int = 12
     """Simpler chains that are tried [1]; chosen."""
-    most_work: int = 30_000
-    """Parameters of all that are tried, beyond which the best so far stays [1]; chosen: twice those of square
-    waves and helices of 200 turns, a hundred times those of a bent tube."""
+    most_evaluations: int = 500
+    """Evaluations of all that are tried, beyond which the best so far stays [1]; chosen: half a second of
+    10 000 points, six times what a smooth route takes."""
+    work_of_any: int = 2000
+    """What an evaluation may take whatever the number of points [visits of a point]; derived: that of a chain
+    with the most pieces."""
     dropped_below: float = 8.0
     """Length of a piece below which it may be dropped whole [mean spacings]; chosen."""
     joint_parameters: float = 3.0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import partial
@@ -16,9 +17,9 @@ from tssgeom.core.constants_arcs import CHAIN_MOVES
 from tssgeom.errors import FitError
 from tssgeom.route.arcs.chain import Chain, Data, fit_fixed_pieces, unfitted
 from tssgeom.route.arcs.corners import cornered
-from tssgeom.route.arcs.moves import fit_chain
+from tssgeom.route.arcs.moves import Budget, fit_chain
 from tssgeom.route.arcs.outliers import refitted_with_tangents, with_tangents, without_outliers
-from tssgeom.route.arcs.summary import ChainPieces, chain_nodes, chain_turns_unobserved, identifiable
+from tssgeom.route.arcs.summary import ChainPieces, chain_follows, chain_nodes, identifiable
 from tssgeom.route.bounds import polygon
 from tssgeom.route.curvature_priors import turned_between
 from tssgeom.route.directions import direction_warnings
@@ -162,9 +163,10 @@ def _measured(shape: Shape, noise: float | None, method: Method) -> RouteFit:
     data = chain_data(shape, noise, spline)
     required = method == "arcs" or is_folded(spline.route)
     tried = list(_chains(data, smooth, spline, required=required))
-    sound = [one for one in tried if not chain_turns_unobserved(*one)]
+    sound = [one for one in tried if chain_follows(*one)]
     candidates = sound or (tried if method == "arcs" else [])
     if not candidates:
+        refuse_folded(spline.route)
         return averaged_over_models(smooth, smooth, [])
     scored = [(penalised_log_evidence_difference(*one, spline), *one) for one in candidates]
     difference, data, chain = max(scored, key=itemgetter(0))
@@ -179,10 +181,11 @@ def _chains(data: Data, smooth: RouteFit, spline: Spline, *, required: bool) -> 
     """Chains from every first guess, before and after moves."""
     for given, first in _first_guesses(data, smooth):
         chain: Chain | None = fit_fixed_pieces(given, first)
+        budget = Budget(given)
         if not required and given is data:
-            chain = _competitive(given, chain, spline)
-        for one in () if chain is None else (fit_chain(given, chain), chain):
-            weighted, fitted = refitted_with_tangents(given, one)
+            chain = _competitive(given, chain, spline, budget)
+        for one in () if chain is None else (fit_chain(given, chain, budget), chain):
+            weighted, fitted = refitted_with_tangents(given, one, budget)
             fitted, _ = identifiable(weighted, fitted)
             yield weighted, fitted
 
@@ -234,6 +237,12 @@ def chain_fit(shape: Shape, data: Data, chain: Chain, pieces: ChainPieces | None
         used = np.where(data.tangents.variance[:, None] > 0.0, data.tangents.unit, np.nan)
         warnings += direction_warnings(shape.directions, used, shape.index)
     chain, pieces = identifiable(data, chain, pieces)
+    stated = math.sqrt(data.variance)
+    if 0.0 < stated < pieces.noise:
+        warnings += (
+            f"the points lie {1e3 * pieces.noise:.3g} mm from the route, by which its standard errors are: "
+            f"check the noise that is stated, {1e3 * stated:.3g} mm, and check for outlying points",
+        )
     if data.free:
         warnings += order_warnings(shape, data.weight, chain.stations, pieces.noise)
     fit = RouteFit(
@@ -268,12 +277,14 @@ def chain_allowed(shape: Shape, spline: Spline) -> bool:
     return len(shape.points) >= START.fewest_points and spline.shared_angle_error == 0.0
 
 
-def _competitive(data: Data, chain: Chain, spline: Spline) -> Chain | None:
+def _competitive(data: Data, chain: Chain, spline: Spline, budget: Budget) -> Chain | None:
     """Return the chain after a few moves, or None where its evidence stays hopeless beside the spline."""
     for _ in range(START.quick_moves):
         if evidence_difference(data, chain, spline) >= CHOICE.hopeless:
             return chain
-        chain = fit_chain(data, chain, 1)
+        before, chain = chain, fit_chain(data, chain, budget, 1)
+        if chain is before:
+            return None
     return chain if evidence_difference(data, chain, spline) >= CHOICE.hopeless else None
 
 

@@ -18,7 +18,7 @@ import numpy as np
 from tssgeom.arrays import Vector
 from tssgeom.errors import FitError
 from tssgeom.route.arcs.chain import Chain, Data, fit_fixed_pieces, parameter_count, value_count
-from tssgeom.route.arcs.summary import chain_pieces, chain_turns_unobserved, identifiable
+from tssgeom.route.arcs.summary import chain_follows, chain_pieces, identifiable
 from tssgeom.route.model_choice import (
     CHOICE,
     added_variance,
@@ -141,7 +141,7 @@ def added_by_models(
         return 0.0, 0.0
     first = _different(tried)
     chains = _different((*first, *with_straights(first)))
-    models = [chain_model(*one, smooth.spline) for one in chains if not chain_turns_unobserved(*one)]
+    models = [chain_model(*one, smooth.spline) for one in chains if chain_follows(*one)]
     models = [one for one in models if math.isfinite(sum(one[:5]))]  # a singular one leaves the others
     probability = probabilities(models)
     smooth_moments = _moments(smooth.arcs)

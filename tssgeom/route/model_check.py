@@ -22,7 +22,7 @@ from tssgeom.route.arcs.moves import (
     finer_tried,
     fit_chain_in_steps,
     simpler_tried,
-    work_of_candidate,
+    work_of_promises,
 )
 from tssgeom.route.error_posterior import NO_POSTERIOR, ErrorPosterior
 from tssgeom.route.fibre.models import LastNoise
@@ -59,8 +59,8 @@ class TrackingSchedule:
     """The same where the other was far behind again and again [frames]. Chosen."""
     far_behind: float = 60.0
     """Evidence difference beyond which the interval to the next trial doubles [2 ln]. Chosen."""
-    work: int = 3000
-    """Work of a check after one frame, as its steps count it [points times parameters]. Chosen: 0.2 ms."""
+    work: int = 2000
+    """Work of a check after one frame, as its steps count it [visits of a point]. Chosen: 0.2 ms."""
     moves: int = 2
     """Moves of a candidate chain in one check. Chosen: by latency."""
 
@@ -155,7 +155,7 @@ class TrackedFit:
 _NO_VARIANCES = (0.0, 0.0)
 Outcome: TypeAlias = Callable[[TrackedFit], TrackedFit]
 """What a check changes of what is tracked when it ends, some frames after it began."""
-Steps: TypeAlias = Generator[int, None, Outcome]
+Steps: TypeAlias = Generator[float, None, Outcome]
 
 
 class CheckRun:
@@ -168,7 +168,7 @@ class CheckRun:
         """Make the steps of so many frames in all; return what they change, or None before the last one."""
         while self._frames < frames and self._outcome is None:
             self._frames += 1
-            work = 0
+            work = 0.0
             try:
                 while work < self._work:
                     work += next(self._steps)
@@ -212,8 +212,8 @@ def _joints_tried(check: ModelCheck, data: Data, chain: Chain, checks: int) -> S
     rank, now = divmod(count, SCHEDULE.interval)
     rank %= SCHEDULE.interval
     unlikely = slice(rank, rank if now else rank + 1)
-    for better in (finer_tried if more_joints else simpler_tried)(data, chain, unlikely):
-        yield work_of_candidate(data, chain)
+    for work, better in (finer_tried if more_joints else simpler_tried)(data, chain, unlikely):
+        yield work
         if better is not None:
             better = yield from fit_chain_in_steps(data, better, SCHEDULE.moves - 1)
             return partial(_with_joints, check, chain, better)
@@ -284,7 +284,7 @@ def _chain_tried(check: ModelCheck, begun: TrackedFit) -> Steps:
     else:
         first = first_chain(data, smooth)
     candidate = fit_fixed_pieces(data, first)
-    yield work_of_candidate(data, candidate)
+    yield work_of_promises(data, candidate)
     moved = yield from fit_chain_in_steps(data, candidate, SCHEDULE.moves)
     difference = evidence_difference(data, moved, spline)
     converged = len(moved.bend) == len(candidate.bend)
@@ -292,7 +292,7 @@ def _chain_tried(check: ModelCheck, begun: TrackedFit) -> Steps:
         return partial(_not_taken_over, difference, None, _NO_VARIANCES)
     if not converged:
         return partial(replace, candidate=moved, trials=begun.trials + 1)
-    yield work_of_candidate(data, moved)
+    yield work_of_promises(data, moved)
     arcs = replace(chain_fit(check.shape, data, moved), turned=begun.fit.turned)
     difference = penalised_log_evidence_difference(data, moved, spline)
     taken = difference > EVIDENCE_SCALE.very_strong

@@ -285,9 +285,13 @@ def is_folded(route: Route) -> bool:
     if np.einsum("ij,ij->i", tangent[1:], tangent[:-1]).min() < AGREEMENT.fold_cosine:
         return True
     residual = route.residual[route.weight > 0.0]
-    spacing = route.s[-1] / len(route.weight)
-    limit = spacing**2 + (AGREEMENT.residual * route.noise) ** 2
-    return bool(np.vdot(residual, residual) > len(residual) * limit)
+    spacing = float(route.s[-1]) / len(route.weight)
+    return is_off(float(np.vdot(residual, residual)), len(residual), spacing, route.noise)
+
+
+def is_off(squares: float, points: int, spacing: float, noise: float) -> bool:
+    """Whether points are off a route by more than their spacing and noise [m], by the sum of squares [m²]."""
+    return squares > points * (spacing**2 + (AGREEMENT.residual * noise) ** 2)
 
 
 def refuse_folded(route: Route) -> None:
@@ -299,7 +303,10 @@ def refuse_folded(route: Route) -> None:
         Where it does.
     """
     if is_folded(route):
-        raise FitError("the route turns straight back between two points: sense it more densely there")
+        raise FitError(
+            "no route fits the points: between some of them it turns straight back, or more sharply than "
+            "they show: sense it more densely there, and check for points out of order"
+        )
 
 
 def refuse_lost(fit: RouteFit, points: Points) -> None:

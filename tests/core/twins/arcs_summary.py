@@ -13,7 +13,7 @@ from tests.core.twins.arcs_fit import (
     saved_by_more,
     schur_complement,
 )
-from tssgeom.core.constants import ROUNDING
+from tssgeom.core.constants import CHANCE, ROUNDING
 from tssgeom.core.constants_arcs import CHAIN_MOVES, IDENTIFIABLE
 from tssgeom.route.arcs.chain import first_joint_column, noise_variance, piece_length, value_count
 from tssgeom.statistics import information_price
@@ -21,10 +21,17 @@ from tssgeom.statistics import information_price
 _STRAIGHTENED, _MERGED, _DROPPED = 0, 1, 2
 
 
+def residual_mean_square(data, chain):
+    """Noise variance of a coordinate, or the mean square of the residuals where beyond chance [m²]."""
+    variance, freedom = noise_variance(data, chain), max(value_count(data) - len(chain.matrix), 1)
+    left = chain.cost / freedom
+    return left if left / variance - 1.0 > CHANCE.never * math.sqrt(2.0 / freedom) else variance
+
+
 def pieces(data, chain):
     """Lengths and angles [2k] of the pieces, their covariance [2k, 2k], noise [m], and hidden bends [k]."""
     k, m = len(chain.bend), len(chain.matrix)
-    variance = noise_variance(data, chain)
+    variance = residual_mean_square(data, chain)
     column, joint = curvature_columns(chain.curved, data.free), first_joint_column(data.free) - 1
     sizes, gradient = np.empty(2 * k), np.zeros((2 * k, m))
     for j in range(k):
@@ -96,8 +103,8 @@ def profile(data, chain, at):
     """Curvature, its standard error, angle and its standard error at arc lengths `at` [4, n]; (33)."""
     k, m = len(chain.bend), len(chain.matrix)
     ends = np.concatenate((chain.stations[:1], chain.joints[1:], chain.stations[-1:]))
-    covariance = parameter_covariance(data, chain)
-    at_ends = noise_variance(data, chain) if data.free else 0.0
+    covariance = residual_mean_square(data, chain) * inverse(*factor(chain.matrix, ROUNDING.exact))
+    at_ends = residual_mean_square(data, chain) if data.free else 0.0
     kappa = np.sqrt(np.sum(chain.bend**2, axis=1))
     column, joint = curvature_columns(chain.curved, data.free), first_joint_column(data.free) - 1
     gradient, out = np.zeros(m), np.empty((4, len(at)))  # of φ where a piece begins

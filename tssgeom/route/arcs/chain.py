@@ -16,6 +16,7 @@ import numpy as np
 from tssgeom import core
 from tssgeom.arrays import Matrix, Points, Vector
 from tssgeom.core.constants import ROUNDING
+from tssgeom.core.constants_arcs import CHAIN_FIT
 from tssgeom.statistics import information_price
 
 
@@ -120,19 +121,34 @@ def fit_fixed_pieces(data: Data, chain: Chain, *, restart: bool = False) -> Chai
         Let the chain begin at the foot of the first point, where stations are unknown: in a fit its start
         moves only across itself, so the ends of a route that moves would run away from it.
     """
-    return _fitted(data, chain, math.inf, restart)[1]
+    return _fitted(data, chain, math.inf, restart)[2]
 
 
-def fit_candidate(data: Data, candidate: Chain, least: float) -> Chain | None:
-    """Return the candidate, fitted, if its criterion is below `least` and there are points on its pieces."""
-    better, fitted = _fitted(data, candidate, least, False)
-    return fitted if better else None
+class Trial(NamedTuple):
+    """A candidate that was tried."""
+
+    work: float
+    """Visits of points that it took, or that would have taken as long."""
+    better: Chain | None
+    """The chain, fitted, if its criterion is below what was asked and there are points on its pieces."""
 
 
-def _fitted(data: Data, chain: Chain, least: float, restart: bool) -> tuple[bool, Chain]:
+def fit_candidate(data: Data, candidate: Chain, least: float) -> Trial:
+    """Fit a candidate that is to have a criterion below `least`."""
+    better, evaluations, fitted = _fitted(data, candidate, least, False)
+    work = evaluations * work_of_evaluation(len(data.points), len(fitted.matrix))
+    return Trial(work, fitted if better else None)
+
+
+def work_of_evaluation(points: int, parameters: int) -> float:
+    """Return the work of building and solving the normal equations once [visits of a point]; (32)."""
+    return points + CHAIN_FIT.work_of_square * parameters**2
+
+
+def _fitted(data: Data, chain: Chain, least: float, restart: bool) -> tuple[bool, int, Chain]:
     count = parameter_count(chain.curved, data.free)
     fitted = core.fit_pieces(count, *data.sensed, data.shortest, *chain[:3], least, restart)
-    return bool(fitted[0]), Chain(fitted[1], chain.curved, *fitted[2:])
+    return bool(fitted[0]), fitted[1], Chain(fitted[2], chain.curved, *fitted[3:])
 
 
 def along(s: Vector, form: Points) -> tuple[Points, Points, Points]:

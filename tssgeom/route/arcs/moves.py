@@ -13,6 +13,7 @@ from tssgeom.core.constants_arcs import CHAIN_MOVES
 from tssgeom.route.arcs.chain import (
     Chain,
     Data,
+    Trial,
     criterion,
     curvature_columns,
     fit_candidate,
@@ -20,6 +21,7 @@ from tssgeom.route.arcs.chain import (
     noise_variance,
     piece_length,
     value_count,
+    work_of_evaluation,
 )
 from tssgeom.route.steps import at_once
 from tssgeom.statistics import information_price
@@ -28,7 +30,18 @@ _ALL = slice(None)
 _STRAIGHTENED, _MERGED, _DROPPED = 0, 1, 2
 
 
-def fit_chain(data: Data, first: Chain, most: int = 3 * CHAIN_MOVES.most_pieces) -> Chain:
+class Budget:
+    """Work that the search for the pieces of a chain may take, linear in the points; docs/model.md (220)."""
+
+    def __init__(self, data: Data) -> None:
+        points = len(data.points) + CHAIN_MOVES.work_of_any
+        self.left: float = CHAIN_MOVES.most_evaluations * points
+        """What is left of it [visits of a point]."""
+
+
+def fit_chain(
+    data: Data, first: Chain, budget: Budget | None = None, most: int = 3 * CHAIN_MOVES.most_pieces
+) -> Chain:
     """Merge, straighten and split pieces as long as the Bayesian information criterion falls.
 
     Parameters
@@ -37,37 +50,41 @@ def fit_chain(data: Data, first: Chain, most: int = 3 * CHAIN_MOVES.most_pieces)
         The points.
     first
         Where to start, as `fit_fixed_pieces` leaves it.
+    budget
+        What the search may take; that of one search where left out.
     most
         How many moves to make at most; each piece can be split, straightened and merged.
     """
-    return at_once(fit_chain_in_steps(data, first, most))
+    return at_once(fit_chain_in_steps(data, first, most, budget))
 
 
-def fit_chain_in_steps(data: Data, first: Chain, most: int) -> Generator[int, None, Chain]:
-    """Do as `fit_chain`, with a stop after each candidate; work that grows with the points bounds it."""
-    best, left = first, CHAIN_MOVES.most_work * len(data.points)
+def fit_chain_in_steps(
+    data: Data, first: Chain, most: int, budget: Budget | None = None
+) -> Generator[float, None, Chain]:
+    """Do as `fit_chain`, with a stop after each candidate."""
+    best, budget = first, budget or Budget(data)
     for _ in range(most):
         better = None
-        for better in one_after_the_other(simpler_tried(data, best), finer_tried(data, best)):
-            left -= (work := work_of_candidate(data, best))
+        for work, better in one_after_the_other(simpler_tried(data, best), finer_tried(data, best)):
+            budget.left -= work
             yield work
-            if better is not None or left < 0:
+            if better is not None or budget.left < 0:
                 break
-        if better is None:
-            break
+        if better is None or budget.left < 0:
+            return better or best
         best = better
     return best
 
 
-def work_of_candidate(data: Data, chain: Chain) -> int:
-    """Return the work of trying one candidate: points times parameters."""
-    return len(data.points) * len(chain.matrix)
+def work_of_promises(data: Data, chain: Chain) -> float:
+    """Return the work of finding what to try [visits of a point]: as of a chain with every piece cut."""
+    return work_of_evaluation(len(data.points), CHAIN_MOVES.parts * len(chain.matrix))
 
 
-def simpler_tried(data: Data, chain: Chain, unlikely: slice = _ALL) -> Iterator[Chain | None]:
+def simpler_tried(data: Data, chain: Chain, unlikely: slice = _ALL) -> Iterator[Trial]:
     """Try one piece straightened, dropped or merged, those first that promise most; docs/model.md (126).
 
-    Each candidate that is tried is yielded: the better chain, or None.
+    Each candidate that is tried is yielded, and first a trial of none: the work of finding them.
 
     Parameters
     ----------
@@ -77,7 +94,7 @@ def simpler_tried(data: Data, chain: Chain, unlikely: slice = _ALL) -> Iterator[
         Which ones to try of those that straight lines do not promise to help, the likeliest first.
     """
     promised = _simplifications(data, chain)
-    yield None
+    yield Trial(work_of_promises(data, chain), None)
     now, latest = criterion(data, chain), information_price(CHAIN_MOVES.latest, value_count(data))
     promise = np.array([each[0] for each in promised])
     order = [i for i in np.argsort(promise)[: CHAIN_MOVES.trials].tolist() if promise[i] < latest]
@@ -85,12 +102,12 @@ def simpler_tried(data: Data, chain: Chain, unlikely: slice = _ALL) -> Iterator[
         yield fit_candidate(data, _simplified(chain, *promised[i][1:]), now)
 
 
-def finer_tried(data: Data, chain: Chain, unlikely: slice = _ALL) -> Iterator[Chain | None]:
+def finer_tried(data: Data, chain: Chain, unlikely: slice = _ALL) -> Iterator[Trial]:
     """Try one joint more where it promises to save most, as `simpler_tried` does; docs/model.md (126)."""
     if len(chain.bend) >= CHAIN_MOVES.most_pieces:
         return
     saved, part, _ = core.saved_by_parts(*data.sensed, *chain[:5])
-    yield None
+    yield Trial(work_of_promises(data, chain), None)
     price, now = information_price(1.0, value_count(data)), criterion(data, chain)
     order = [j for j in np.argsort(-saved)[: CHAIN_MOVES.trials].tolist() if saved[j] > price]
     sure = [bool(saved[j] > CHAIN_MOVES.joint_parameters * price) for j in order]

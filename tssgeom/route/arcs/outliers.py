@@ -19,7 +19,7 @@ from tssgeom.route.arcs.chain import (
     tangent_count,
     value_count,
 )
-from tssgeom.route.arcs.moves import fit_chain
+from tssgeom.route.arcs.moves import Budget, fit_chain
 from tssgeom.route.directions import tangent_variances
 from tssgeom.route.outliers import outlier_limit
 
@@ -43,12 +43,13 @@ def outlier_weights(data: Data, chain: Chain, variance: float = 0.0) -> Vector |
 
 def without_outliers(data: Data, chain: Chain) -> tuple[Data, Chain]:
     """Weight the points by the chain and fit it again, until no weight changes."""
+    budget = Budget(data)
     for _ in range(OUTLIERS.rounds):
         weight = outlier_weights(data, chain)
         if weight is None:
             break
         data = data._replace(weight=weight)
-        chain = fit_chain(data, fit_fixed_pieces(data, chain))
+        chain = fit_chain(data, fit_fixed_pieces(data, chain), budget)
     return data, chain
 
 
@@ -97,7 +98,7 @@ def squared_tangent_residuals(data: Data, chain: Chain) -> Vector:
     return np.where(data.tangents.variance > 0.0, square, 0.0)
 
 
-def refitted_with_tangents(data: Data, chain: Chain) -> tuple[Data, Chain]:
+def refitted_with_tangents(data: Data, chain: Chain, budget: Budget) -> tuple[Data, Chain]:
     """Fit again without outlying directions, and with weights that follow the noise of the points."""
     if data.tangents is None:
         return data, chain
@@ -106,7 +107,7 @@ def refitted_with_tangents(data: Data, chain: Chain) -> tuple[Data, Chain]:
         if changed is data:
             break
         data = changed
-        chain = fit_chain(data, fit_fixed_pieces(data, chain))
+        chain = fit_chain(data, fit_fixed_pieces(data, chain), budget)
     return data, chain
 
 

@@ -12,17 +12,12 @@ import numpy as np
 
 from tssgeom import core
 from tssgeom.arrays import Matrix, Vector, read_only
-from tssgeom.route.arcs.chain import (
-    Chain,
-    Data,
-    along,
-    noise_variance,
-)
+from tssgeom.route.arcs.chain import Chain, Data, along
 from tssgeom.route.arcs.moves import without_piece
 from tssgeom.route.curvature import CurvatureProfile
 from tssgeom.route.pieces import Arcs
 from tssgeom.route.route import Route, summed
-from tssgeom.route.route_fit import Nodes, turns_unobserved
+from tssgeom.route.route_fit import Nodes, is_off, turns_unobserved
 
 _NODES = 161  # beside the joints
 
@@ -73,11 +68,18 @@ def identifiable(data: Data, chain: Chain, pieces: ChainPieces | None = None) ->
     return chain, pieces
 
 
-def chain_turns_unobserved(data: Data, chain: Chain) -> bool:
-    """Whether a chain turns between its points by more than these could show."""
+def chain_follows(data: Data, chain: Chain) -> bool:
+    """Whether a chain follows its points, and turns between them by no more than these could show.
+
+    Source: docs/model.md (221).
+    """
+    if data.variance > 0.0:
+        used, spacing = int(np.count_nonzero(data.weight > 0.0)), float(chain.stations[-1]) / len(data.points)
+        if is_off(float(data.weight @ chain.square), used, spacing, math.sqrt(data.variance)):
+            return False
     edge = np.append(chain.joints, chain.stations.max())  # the last piece has no joint behind it
     turned = np.interp(chain.stations, edge, summed(np.linalg.norm(chain.bend, axis=1) * np.diff(edge)))
-    return turns_unobserved(data.points, data.weight, chain.stations, turned)
+    return not turns_unobserved(data.points, data.weight, chain.stations, turned)
 
 
 def pieces_of(
@@ -91,11 +93,11 @@ def pieces_of(
 
 def _profile(data: Data, chain: Chain, ends: Vector, at: Vector) -> CurvatureProfile:
     """Curvature and angle at arc lengths `at` [m] along a chain, with their standard errors; (33)."""
-    length, angle, of_pieces, _, _, hidden, variances = core.chain_pieces(*data.sensed, *chain[:5])
+    length, angle, of_pieces, noise, _, hidden, variances = core.chain_pieces(*data.sensed, *chain[:5])
     kappa, square = np.sqrt(np.sum(chain.bend**2, axis=1)), variances[:, 1] + hidden
     before = variances[:, 0] + summed(hidden * length**2)[:-1]
     if data.free:  # an unknown station of an end takes its angle along
-        before += noise_variance(data, chain) * (kappa[0] ** 2 + kappa**2)
+        before += noise**2 * (kappa[0] ** 2 + kappa**2)
     j = np.searchsorted(ends[1:-1], at, side="right")
     t = at - ends[j]
     phi_se = np.sqrt(np.maximum(before[j] + t * (2 * variances[j, 2] + t * square[j]), 0.0))

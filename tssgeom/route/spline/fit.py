@@ -116,7 +116,7 @@ def fit(shape: Shape, noise: float | None = None, last: Spline | None = None) ->
 
 def fit_in_steps(
     shape: Shape, noise: float | None, last: Spline | None = None
-) -> Generator[int, None, Spline]:
+) -> Generator[float, None, Spline]:
     """Do as `fit`, with a stop after each pass."""
     if last is not None and last.shared_angle_error == 0.0:
         moved = warm(shape, noise, last)
@@ -130,7 +130,9 @@ def fit_in_steps(
     return spline
 
 
-def _fit_white(shape: Shape, noise: float | None) -> Generator[int, None, tuple[Spline, Callable[[], float]]]:
+def _fit_white(
+    shape: Shape, noise: float | None
+) -> Generator[float, None, tuple[Spline, Callable[[], float]]]:
     """Fit a route as if all errors were white; returns also a function that fits their correlation."""
     spacing = _mean_spacing(shape)
     problem, solution = yield from posterior_in_steps(shape, spacing, noise)

@@ -32,7 +32,7 @@ PARAMETERS = 20
 
 def posterior_in_steps(
     shape: Shape, spacing: float, noise: float | None
-) -> Generator[int, None, tuple[Problem, Solution]]:
+) -> Generator[float, None, tuple[Problem, Solution]]:
     """Stations, weights and posterior of a shape, with a stop after each pass; docs/model.md (20) to (22).
 
     Raises
