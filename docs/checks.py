@@ -35,8 +35,10 @@ A rig is written where the fit passes its test, or with `--force`. It fails wher
 more than {FIT_TEST.most_of_range:.0%} of its range and more than {FIT_TEST.most_of_noise:g} × its noise
 (rms), where the friction coefficient is above {PLAUSIBLE.most_rig_friction:g}, or where a zero ended at its
 bound. An effect that the model lacks leaves up to 5 % of the range on simulated runs; the estimates are
-then usable, and `discover` names the effect. Residuals that are not white (Ljung and Box, p < 0.01) show
-that the model lacks something; they are reported, and widen the intervals, but do not fail the fit.
+then usable, and `discover` names the effect. Residuals that are not white (Ljung and Box,
+p < {FIT_TEST.white:g}) and above {FIT_TEST.sound:g} × the noise show that the model lacks an effect.
+Smaller ones also come from the bent scale of a sensor, and from a drive that turns between two readings.
+All are reported and widen the intervals; none fails the fit.
 """
 
 

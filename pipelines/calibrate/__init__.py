@@ -35,7 +35,6 @@ _TITLES = {
     "take_up_tension": "over a tension of, T_s",
 }
 _RIG = "rig.toml"
-_WHITE = 0.01  # probability below which residuals are not white [1]; chosen: one sound run in a hundred
 _PRINTED_UNITS = {"m": ("mm", 1e3)}
 
 
@@ -237,10 +236,11 @@ def _print_table(run: Path, out: Path | None, fitted: Calibration, route: Arcs, 
 
 
 def _white(each: ChannelFit) -> str:
-    """Say whether the residuals of a channel are white."""
-    if each.whiteness_p < _WHITE:
-        return f"not white (p = {each.whiteness_p:.2g}), so that the model lacks something"
-    return f"white (p = {each.whiteness_p:.2g})"
+    """Say whether the residuals of a channel are white, and what follows."""
+    p = f"(p = {each.whiteness_p:.2g})"
+    if each.lacks_an_effect:
+        return f"not white {p}, so that the model lacks an effect"
+    return f"white {p}" if each.is_white else f"not white {p}, but small"
 
 
 def _row(each: Estimate, rig: Rig) -> list[str]:

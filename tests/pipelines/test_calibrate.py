@@ -2,6 +2,7 @@
 
 import json
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,6 +10,8 @@ import pytest
 from tssgeom.rig import Friction, Load, Rig, Sensor, ShapeSensor, Tendon, read_rig, write_rig
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.history import driven
+
+SAMPLES = Path(__file__).parents[2] / "sample_shapes"
 
 MU, RHO = 0.2, 4e-4
 TENSION = np.concatenate([np.linspace(0.05, 15.0, 120), np.linspace(14.9, 0.3, 120)])
@@ -181,3 +184,17 @@ def test_every_rig_comes_back_from_its_file(tmp_path):
     for each in (rig, Rig()):
         write_rig(tmp_path / "rig.toml", each, ["one line", "two\nlines"])
         assert read_rig(tmp_path / "rig.toml") == each
+
+
+@pytest.mark.parametrize(
+    ("campaign", "lacks"), [("campaign_clean", False), ("campaign_load_dependent_friction", True)]
+)
+@pytest.mark.parametrize(
+    ("name", "shape"), [("half_slow", "half_circle"), ("half_fast", "half_circle"), ("chain", "chain")]
+)
+def test_only_a_run_that_an_effect_acted_on_is_said_to_lack_one(run, tmp_path, campaign, lacks, name, shape):
+    folder = SAMPLES / campaign
+    inputs = (folder / f"{name}.csv", "--shape", folder / f"route_{shape}.csv", "--rig", folder / "rig.toml")
+    outcome = run("calibrate", *inputs, "--out", tmp_path / "rig.toml", "--force", "--json")
+    warnings = json.loads(outcome.out)["warnings"]
+    assert any("the model lacks an effect" in each for each in warnings) is lacks

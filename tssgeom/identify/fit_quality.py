@@ -30,6 +30,8 @@ class FitTest:
     unobserved: float = 0.5
     """Chosen: the readings count for less than what was assumed. Of the prior's standard deviation: a wider
     posterior means that no reading shows the number [1]."""
+    white: float = 0.01
+    """Chosen: one sound run in a hundred. Probability below which residuals are not white [1]."""
     most_lags: int = 20
     """Cited: Box, Jenkins and Reinsel, Time series analysis (1994). Lags of the test of whiteness [1]."""
     rows_a_lag: int = 5
@@ -85,6 +87,19 @@ class ChannelFit:
         """Whether the residuals are small, beside the range or beside the noise."""
         return self.over_range <= FIT_TEST.most_of_range or self.over_noise <= FIT_TEST.most_of_noise
 
+    @property
+    def is_white(self) -> bool:
+        """Whether the residuals may be white."""
+        return self.whiteness_p >= FIT_TEST.white
+
+    @property
+    def lacks_an_effect(self) -> bool:
+        """Whether the residuals are well above the noise and last, as those of a model that lacks an effect.
+
+        Small ones last where a sensor's scale is bent, or the drive turns between two readings.
+        """
+        return self.over_noise > FIT_TEST.sound and not self.is_white
+
 
 def whiteness(left: Vector) -> float:
     """Return the probability of residuals [n] at least as correlated as these, if they were white.
@@ -126,13 +141,13 @@ def failures(
 
 
 def misfits(channels: Sequence[ChannelFit]) -> Iterator[str]:
-    """Yield a warning for each channel whose residuals are well above its noise."""
+    """Yield a warning for each channel whose residuals show that the model lacks an effect."""
     for each in channels:
-        if each.over_noise > FIT_TEST.sound:
+        if each.lacks_an_effect:
             yield (
-                f"{each.name} is met within {each.rms:.3g} {each.unit}, {each.over_noise:.3g} × its noise: "
-                "the model lacks an effect, and the intervals do not count what it changes; "
-                "`tssgeom discover` tries to identify it"
+                f"{each.name} is met within {each.rms:.3g} {each.unit}, {each.over_noise:.3g} × its noise, "
+                "and what is left is not white: the model lacks an effect, and the intervals do not count "
+                "what it changes; `tssgeom discover` tries to identify it"
             )
 
 
