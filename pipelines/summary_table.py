@@ -30,18 +30,26 @@ COLUMNS = (
 
 
 def print_summary(
-    rows: Sequence[dict[str, Any]], settings: RunSettings, rejected: Sequence[tuple[str, str]] = ()
+    every: Sequence[dict[str, Any]],
+    settings: RunSettings,
+    rejected: Sequence[tuple[str, str]] = (),
+    most: int | None = None,
 ) -> None:
     """Print summary rows as a table, with the settings above and the warnings below.
 
-    The first of the rejected inputs, each a source and a reason, are named below too.
+    The first of the rejected inputs, each a source and a reason, are named below too. Of more than `most`
+    inputs the first are listed: where a report has all of them.
 
     A recording is reported by the range over its frames. The standard errors are those of one frame, at the
     last of the highest peaks of T_in.
     """
+    rows, more = every[:most], every[len(every[:most]) :]
     assumed = [row["name"] for row in rows if row.get("tension_in_assumed")]
     has_clearance = any(row.get("clearance_m") is not None for row in rows)
     notes = [f"{row['name']}: {warning}" for row in rows for warning in row["warnings"]]
+    if more:
+        warned = sum(bool(row["warnings"]) for row in more)
+        notes.insert(0, f"and {len(more)} more inputs, {warned} of them with warnings: all are in the report")
     if assumed and not settings.tension_in_given:
         notes.append(
             f"T_in = {settings.tension_in:g} N is assumed (--tension-in): no drive in {listed(assumed)}"

@@ -55,6 +55,8 @@ class BatchLimits:
     Chosen: each adds 20 to 60 kB to the page."""
     most_outlying: int = 10
     """Outlying inputs with a line on the terminal [1]; the report has all. Chosen."""
+    most_rows: int = 40
+    """Inputs that the table lists [1]; chosen: a screen."""
     shared_size: int = 4 << 20
     """Size of an input from which several workers share frames that stand alone [B].
     Chosen: a worker takes about as long for it as for its start."""
@@ -126,7 +128,8 @@ def run(
     if as_json:
         print_json([done.printed for done in batch.finished])
     elif not quiet and batch.done:
-        print_summary([done.row for done in batch.finished], settings, list(batch.rejections()))
+        rows = [done.row for done in batch.finished]
+        print_summary(rows, settings, list(batch.rejections()), _LIMITS.most_rows)
         _print_end(batch, options, out)
     return batch.tally.status
 

@@ -82,6 +82,14 @@ def test_rejected_inputs_are_named_below_the_table_with_their_reasons(run, input
     assert "\nrejected: bad.csv: 3 distinct points: a route needs at least 4" in output
 
 
+def test_of_many_inputs_the_first_are_listed(run, write_csv, tmp_path):
+    for k in range(43):
+        write_csv(f"many/line{k:02}.csv", half_circle())
+    output = run("batch", tmp_path / "many", "--out", tmp_path / "out", "--no-pictures").out
+    assert len(re.findall(r"^ line\d+ ", output, re.MULTILINE)) == 40
+    assert "\nand 3 more inputs, 0 of them with warnings: all are in the report" in output
+
+
 def test_without_pictures_no_message_speaks_of_them(run, inputs, tmp_path):
     for options, words in (((), True), (("--no-pictures",), False)):
         output = run("batch", inputs / "half.csv", "--out", tmp_path / "out", *options).out
