@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tssgeom.arrays import Matrix, Points, Vector, read_only, rows_at
-from tssgeom.errors import SettingsError, ShapeError
+from tssgeom.errors import FitError, SettingsError, ShapeError
 from tssgeom.result import Result
 from tssgeom.rig import Rig, Source
 from tssgeom.route.directions import NOISE_PRIOR as DIRECTION_NOISE
@@ -24,6 +24,7 @@ from tssgeom.route.order import along_the_shortest_path
 from tssgeom.route.resolution import NO_ERRORS, SharedErrors, sheath_resolution
 from tssgeom.route.route_fit import RouteFit
 from tssgeom.route.shared_errors import posterior_of_source, with_hidden_errors, with_shared_errors
+from tssgeom.route.stated_noise import contradicted as contradicted_noise
 from tssgeom.route.time_filter import PointFilter, begun, filtered, noise_left, noise_ratio
 from tssgeom.route.tip import TipReadings, fit_tip
 from tssgeom.route.tracking import NotWarmError, TrackedFit, follow
@@ -103,7 +104,8 @@ def fit_frame(
         return sensed_shape(fibre, fit), TrackedFit(fit, fibre.index, fibre_noise=fitted.start)
     if (ends := _ends(frame, rig)) is not None:
         return _fit_ends(ends)
-    stated, given = noise_of(frame, rig), rig.shape
+    stated, given = _noise_that_counts(frame, rig, last), rig.shape
+    contradicted = stated is None and last is not None and last.noise_contradicted
     if given.order == "shortest" and frame.stations is None:
         frame = _in_order(frame, last)
     if now is None and given.time_filter and last is not None and last.filtered is not None:
@@ -122,7 +124,8 @@ def fit_frame(
     if given.marker_offset_mm:
         shape, tracked = follow_markers(shape, noise, given.marker_offset_mm, given.marker_axis, last)
     else:
-        tracked = follow(shape, noise, last)
+        tracked, now_contradicted = _fitted(shape, noise, last, stated if now is None else None)
+        contradicted |= now_contradicted
         if now is not None and last is not None and _is_astray(tracked, last, now):
             if last.warm_only:
                 raise NotWarmError
@@ -131,7 +134,8 @@ def fit_frame(
     if unknown and tracked.age == 0:
         shape, tracked = _with_direction_noise(shape, noise, tracked)
     if now is None and given.time_filter:
-        now = begun(frame.points, stated or tracked.fit.noise, frame.time)
+        known = None if contradicted else stated
+        now = begun(frame.points, known or tracked.fit.noise, frame.time)
     share = 1.0 if now is None else now.sensed_noise / now.noise
     fit, errors, source = tracked.fit, NO_POSTERIOR if last is None else last.errors, _source(frame, rig)
     if source != (None, None) and tracked.age % _ERRORS_EVERY == 0:
@@ -146,6 +150,7 @@ def fit_frame(
         errors=errors,
         first_noise=fit.noise * share if tracked.age == 0 or last is None else last.first_noise,
         noise_bounded=bounded,
+        noise_contradicted=contradicted,
         direction_noise=shape.direction_noise,
     )
 
@@ -193,6 +198,34 @@ def _in_order(frame: Frame, last: TrackedFit | None) -> Frame:
     path = along_the_shortest_path(frame.points, frame.directions, first)
     directions = None if frame.directions is None else read_only(frame.directions[path])
     return replace(frame, points=read_only(frame.points[path]), directions=directions)
+
+
+def _noise_that_counts(frame: Frame, rig: Rig, last: TrackedFit | None) -> float | None:
+    """Return the noise of a coordinate that is stated [m], as long as the points do not contradict it."""
+    stated = noise_of(frame, rig)
+    if stated is None or last is None or not last.noise_contradicted:
+        return stated
+    return None if last.fit.noise * last.sensed_over_fitted > stated else stated
+
+
+def _fitted(
+    shape: Shape, noise: float | None, last: TrackedFit | None, stated: float | None
+) -> tuple[TrackedFit, bool]:
+    """Follow the last route; a new fit is by the noise of the points where that contradicts the stated one.
+
+    Returns also whether it does.
+    """
+    try:
+        tracked = follow(shape, noise, last)
+    except FitError:
+        fit = None if stated is None else contradicted_noise(shape, stated, None)
+        if fit is None:
+            raise
+        return TrackedFit.of(fit, shape.index), True
+    if stated is None or tracked.age > 0:
+        return tracked, False
+    fit = contradicted_noise(shape, stated, tracked.fit)
+    return (tracked, False) if fit is None else (TrackedFit.of(fit, shape.index), True)
 
 
 def _is_astray(tracked: TrackedFit, last: TrackedFit, now: PointFilter) -> bool:

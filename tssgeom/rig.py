@@ -111,7 +111,8 @@ class ShapeSensor(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     """Specification of whatever senses the route."""
 
     noise_mm: float | None = None
-    """Standard deviation of each coordinate [mm]; left out, it is estimated from the points."""
+    """Standard deviation of each coordinate [mm]; left out, it is estimated from the points, as where more
+    than 40 of them contradict it."""
     curvature_noise_per_m: float | None = None
     """Standard deviation of each curvature component of a fibre [1/m]; left out, it is estimated."""
     direction_noise_deg: float | Literal["estimate"] | None = None

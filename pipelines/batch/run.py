@@ -56,7 +56,7 @@ class BatchLimits:
     most_outlying: int = 10
     """Outlying inputs with a line on the terminal [1]; the report has all. Chosen."""
     most_rows: int = 40
-    """Inputs that the table lists [1]; chosen: a screen."""
+    """Inputs that the table lists [1]; chosen: the height of a terminal."""
     shared_size: int = 4 << 20
     """Size of an input from which several workers share frames that stand alone [B].
     Chosen: a worker takes about as long for it as for its start."""

@@ -122,6 +122,8 @@ class TrackedFit:
     """Noise of the fit from which the warm ones began, as sensed [m]."""
     noise_bounded: bool = False
     """Whether fits of few points went astray, so that the noise is taken from differences in time."""
+    noise_contradicted: bool = False
+    """Whether the points contradict the noise that is stated of them, so that it is estimated."""
     direction_noise: float = 0.0
     """Noise of a component of sensed directions that was estimated [rad]."""
     fibre_noise: LastNoise | None = None
