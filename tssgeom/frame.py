@@ -97,11 +97,13 @@ def fit_frame(
     if frame.curvatures is not None:
         fibre = clean_fibre(frame.curvatures, frame.stations)
         stated = curvature_noise_of(frame, rig)
-        fitted = fit_fibre(fibre, stated, last=None if last is None else last.fibre_noise)
-        fit = fitted.fit
+        known = None if last is not None and last.noise_contradicted else stated
+        fitted = fit_fibre(fibre, known, last=None if last is None else last.fibre_noise)
+        fit, contradicted = fitted.fit, stated is not None and fitted.curvature_noise > stated
         if rig.shape.noise is not None and stated is None:
             fit = fit.warned(_NOISE_OF_POINTS)
-        return sensed_shape(fibre, fit), TrackedFit(fit, fibre.index, fibre_noise=fitted.start)
+        tracked = TrackedFit(fit, fibre.index, fibre_noise=fitted.start, noise_contradicted=contradicted)
+        return sensed_shape(fibre, fit), tracked
     if (ends := _ends(frame, rig)) is not None:
         return _fit_ends(ends)
     stated, given = _noise_that_counts(frame, rig, last), rig.shape

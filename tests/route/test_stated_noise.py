@@ -7,6 +7,7 @@ from tests.known_routes import Cell, draw
 from tssgeom.api.calls import analyse
 from tssgeom.frame import Frame, fit_frame
 from tssgeom.rig import Rig, ShapeSensor
+from tssgeom.route.fibre.sensed import clean_fibre, fit_fibre
 
 ROUTES = ("half circle", "setup A", "helix", "clothoid", "colon", "harmonics", "pieces", "slopes")
 
@@ -64,3 +65,30 @@ def test_a_stream_goes_on_with_the_noise_of_the_points_until_it_is_the_stated_on
     assert sum(named) == 1
     assert np.mean(noises[5:30]) == pytest.approx(5e-4, rel=0.1)
     assert filters or noises[-1] == pytest.approx(1e-4, rel=0.01)  # a filter in time forgets slowly
+
+
+@pytest.mark.parametrize("factor", [1, 4])
+@pytest.mark.parametrize("n", [40, 200])
+def test_a_fibre_contradicts_a_noise_that_is_far_too_low(n, factor):
+    rng, s = np.random.default_rng(n), np.linspace(0.0, 0.5, n)
+    true = np.where((s > 0.1) & (s < 0.25), 8.0, 0.0)
+    bend, held = np.column_stack((true, 0.0 * s)), []
+    for _ in range(6):
+        sensed = bend + 0.2 * rng.standard_normal(bend.shape)
+        fit = fit_fibre(clean_fibre(sensed, s), 0.2 / factor).fit
+        assert contradicted(fit.warnings) == (factor > 1)
+        held.append(abs(fit.arcs.total_angle - 1.2) < 2.5 * fit.arcs.total_angle_se)
+    assert sum(held) >= 5
+
+
+def test_a_stream_of_a_fibre_goes_on_with_the_noise_of_the_curvatures():
+    rng, s = np.random.default_rng(3), np.linspace(0.0, 0.5, 60)
+    rig, last, named = Rig(shape=ShapeSensor(curvature_noise_per_m=0.05)), None, []
+    for k in range(4):
+        sensed = np.column_stack((6.0 * np.sin(9.0 * s), 0.0 * s)) + 0.3 * rng.standard_normal((60, 2))
+        frame = Frame(np.full((60, 3), np.nan), time=0.1 * k, stations=s, curvatures=sensed)
+        last = fit_frame(frame, rig, last)[1]
+        named.append(contradicted(last.fit.warnings))
+        assert last.noise_contradicted
+        assert last.fibre_noise is not None
+    assert named == [True, False, False, False]

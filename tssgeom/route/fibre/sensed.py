@@ -7,14 +7,15 @@ estimated from the curvatures themselves, and the route follows by integration.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from tssgeom import core
 from tssgeom.arrays import Matrix, Points, Vector, read_only, rows_at
+from tssgeom.core.constants import CHANCE
 from tssgeom.errors import FitError, ShapeError
-from tssgeom.route.fibre.models import LastNoise, Sensed, kinds_of, noises, partitions, sampled
+from tssgeom.route.fibre.models import Kinds, LastNoise, Sensed, kinds_of, noises, partitions, sampled
 from tssgeom.route.fibre.route import fit_of_draws, fit_of_pieces
 from tssgeom.route.geometry import Method
 from tssgeom.route.observations import Shape
@@ -22,6 +23,11 @@ from tssgeom.route.route_fit import AGREEMENT, LOST, RouteFit
 
 MIN_GRATINGS = 3
 _MOST_CELLS = 200  # values for the estimators, whose time is quadratic; of more, neighbours are averaged
+_MORE = (2.0, 4.0)  # of a stated noise, tried beside it [1]; chosen: one has more evidence from 1.5 times on
+_CONTRADICTED = (
+    "the curvatures have a noise of {:.3g} /m and not the {:.3g} /m that are stated: the former is used; "
+    "check curvature_noise_per_m"
+)
 _MOST_TURN = math.pi  # from grating to grating, beyond which the unit must be wrong [rad]
 
 
@@ -202,7 +208,8 @@ def fit_fibre(
     fibre
         Validated curvatures.
     noise
-        Known standard deviation of a curvature component [1/m]; estimated where left out.
+        Known standard deviation of a curvature component [1/m]; estimated where left out, and where the
+        curvatures contradict it, with a warning; docs/model.md (228).
     method
         "arcs" for constant curvature in pieces, "spline" for smooth curvature, "auto" for both; (36).
     last
@@ -218,6 +225,11 @@ def fit_fibre(
     levels = noises(sensed, kinds, last)
     if not math.isfinite(levels.log_evidence):
         raise FitError("the curvatures give no finite route: check them and their stations")
+    if noise is not None and _is_contradicted(sensed, kinds, levels.log_evidence):
+        free = fit_fibre(fibre, None, method)
+        if free.curvature_noise > noise:
+            text = _CONTRADICTED.format(free.curvature_noise, noise)
+            return replace(free, fit=free.fit.warned(text))
     draws, estimate = sampled(sensed, kinds, levels), levels.estimate
     smooth = float(np.mean(draws.smooth))
     if smooth < 0.5:
@@ -229,6 +241,12 @@ def fit_fibre(
         raise FitError("the curvatures do not determine how far the fibre turns: check for a wrong one")
     se = estimate * levels.relative_se
     return FibreFit(fit, estimate, se, {"arcs": 1.0 - smooth, "spline": smooth})
+
+
+def _is_contradicted(sensed: Sensed, kinds: Kinds, log_evidence: float) -> bool:
+    """Whether more noise than the stated one has far more evidence; docs/model.md (228)."""
+    more = max(partitions(sensed, kinds, times * sensed.noise).log_evidence for times in _MORE)
+    return 2.0 * (more - log_evidence) > CHANCE.never**2
 
 
 def sensed_shape(fibre: Fibre, fit: RouteFit) -> Shape:
