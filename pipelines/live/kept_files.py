@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import math
 import os
 import re
@@ -33,6 +34,9 @@ def locked(paths: Sequence[Path]) -> Iterator[None]:
                 path.parent.mkdir(parents=True, exist_ok=True)
                 stack.enter_context(_lock(path))
             except Timeout as error:
+                if not Path(error.lock_file).exists():  # no file can be made in such a folder
+                    missing = FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT))
+                    raise unwritable(path, missing) from error
                 raise SourceError(
                     f"{path}: another stream writes it: end that one, or name another file"
                 ) from error

@@ -86,6 +86,7 @@ class SideProcess:
             )
         self.role, self.address = role, ""
         self.ready, self.failure, self.ended = False, "", False
+        self._finishes = self._killed = False
         self.lost = 0
         self._idle, self._may_idle = False, role not in ("save", "rig")
         self._report, self._unread = report, b""
@@ -119,6 +120,7 @@ class SideProcess:
 
     def end_messages(self) -> None:
         """Let it finish: no message follows."""
+        self._finishes = True
         if self._channel.open:
             self._channel.sock.shutdown(socket.SHUT_WR)
 
@@ -130,6 +132,7 @@ class SideProcess:
 
     def kill(self) -> None:
         """End it now: it has nothing to finish."""
+        self._killed = True
         self._process.kill()
 
     def join(self, begun: float | None = None) -> bool:
@@ -151,6 +154,8 @@ class SideProcess:
                 f"{self.role}: {self.lost} messages were lost, as it was slower than the stream: what it "
                 "wrote lacks these frames; replay the frames, or give it a free core or a faster disk"
             )
+        if self._process.returncode and not (self.failure or self._killed):
+            self._report(f"{self.role}: its process has ended unfinished: the last of what it wrote may lack")
         return self._process.returncode == 0
 
     def _read_rest(self) -> None:
@@ -171,7 +176,7 @@ class SideProcess:
                     self._report(self.failure)
 
     def _closed(self) -> None:
-        if not self.failure and not self.ended:
+        if not self.failure and not self.ended and not self._finishes:
             self.failure = f"{self.role}: its process has ended; the stream goes on without it"
             if self.ready:
                 self._report(self.failure)

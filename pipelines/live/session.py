@@ -175,9 +175,10 @@ class Session:
         where a clock does, or where a new one joins others, it goes on by the time that has passed here. It
         is kept only when the frame is answered, since the frame may still be rejected.
         """
-        time, warnings = frame.time + sender.offset, frame.warnings
+        latest, offset = sender.clock_of(frame.time)
+        time, warnings = frame.time + offset, frame.warnings
         step = time - self.time
-        joins = self._last_good is not None and sender.latest == -math.inf
+        joins = self._last_good is not None and latest == -math.inf
         if math.isinf(self.time):
             if abs(time) > _LIMITS.latest_start:
                 time = 0.0
@@ -189,7 +190,7 @@ class Session:
             if step > _LIMITS.longest_step:
                 leap = f"t is {step:.3g} s later than the last frame: it counts as {passed:.3g} s"
                 warnings += (f"{leap}; send seconds of one clock",)
-        if time != frame.time + sender.offset:
+        if time != frame.time + offset:
             sender.track.watch.leave_clock()
         if time == frame.time and warnings is frame.warnings:
             return frame
@@ -211,7 +212,7 @@ class Session:
             return
         self._note_turns(sender)
         self._last_good, self.time = arrival, frame.time
-        sender.latest, sender.offset = given.time, frame.time - given.time
+        sender.answered(given.time, frame.time - given.time, leapt=_leaps(given.time, sender))
         self._fresh_since = self._last_answer = monotonic()
         latency_us = (perf_counter_ns() - arrival.arrived) / 1e3
         line = answers.answer(result, given.time, arrival.seq, round(latency_us, 1), self.mailbox.dropped)
@@ -323,3 +324,9 @@ class Session:
             self.stop()
         self.report_statistics()
         gc.collect(0)
+
+
+def _leaps(time: float, sender: Sender) -> bool:
+    """Whether the clock of a sender leaps to a time [s], or begins at one that none has."""
+    latest, _ = sender.clock_of(time)
+    return time - latest > _LIMITS.longest_step if math.isfinite(latest) else abs(time) > _LIMITS.latest_start

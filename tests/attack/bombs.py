@@ -102,6 +102,7 @@ def _write(content: bytes | str) -> Callable[[Path], object]:
     return lambda path: path.write_bytes(raw)
 
 
+_BOARD = ("--calibrate", "--board", "9x6", "--square-mm", "30")
 _POINTS = _saved(np.random.default_rng(1).normal(size=(20, 3)))
 _LINE = "x_mm,y_mm,z_mm\n"
 BOMBS: dict[str, Callable[[Path], object]] = {
@@ -222,7 +223,7 @@ def make_special(folder: Path) -> dict[str, Path]:
 
 def specials(folder: Path) -> Iterator[tuple[str, list[str | Path]]]:
     """Yield the name and the commands with a special file as each input."""
-    out, campaign = folder / "out", folder / "campaign"
+    out, campaign, track = folder / "out", folder / "campaign", folder / "track.jsonl"
     for name, path in make_special(folder).items():
         yield f"check {name}", ["check", path]
         yield f"analyse {name}", ["analyse", path, "--unit", "mm"]
@@ -237,8 +238,13 @@ def specials(folder: Path) -> Iterator[tuple[str, list[str | Path]]]:
         yield f"remedy {name}", ["remedy", "--shape", path]
         yield (
             f"--calibration {name}",
-            ["track", _named(path, ".mp4"), "--calibration", path, "--out", folder / "t.csv"],
+            ["track", _named(path, ".mp4"), "--blobs", "bright", "--calibration", path, "--out", track],
         )
+        yield (
+            f"images {name}",
+            ["track", _named(path, "", "1.png").parent, *_BOARD, "--out", folder / "c.toml"],
+        )
+        yield f"--token-file {name}", ["live", "--sink", "none", "--token-file", path]
         yield f"view {name}", ["view", _named(path, ".rrd"), "--screenshot", folder / "a.png"]
         campaign.mkdir(exist_ok=True)
         (campaign / "campaign.toml").write_text(

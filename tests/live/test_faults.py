@@ -17,7 +17,7 @@ import rerun_cli
 from rerun.chunk import RrdReader
 
 from pipelines.live.messages import packed
-from pipelines.live.processes import SideProcess
+from pipelines.live.processes import SideProcess, await_ready, finish_all
 from tests.live.peers import frame, half_circle, next_answer
 from tests.live_process import PATIENCE, Reader, line, live
 from tssgeom.engine import process
@@ -175,7 +175,9 @@ def test_messages_that_a_slow_recording_loses_are_reported_without_asking(tmp_pa
         assert lines == ["record: it is slower than the stream and begins to lose messages"]
         os.kill(recorder.pid, signal.SIGKILL)
         recorder.join()
-    assert lines[1:] == [next(text for text in lines if f"{recorder.lost} messages were lost" in text)]
+    lost, unfinished = lines[1:]
+    assert f"{recorder.lost} messages were lost" in lost
+    assert "unfinished" in unfinished
 
 
 def test_a_source_that_dies_and_returns_is_served_again(shared):
@@ -221,3 +223,19 @@ def _await_end(number: int) -> None:
         assert select.select([descriptor], [], [], PATIENCE)[0]
     finally:
         os.close(descriptor)
+
+
+@pytest.mark.parametrize("dies", [False, True])
+def test_the_end_of_a_process_that_has_no_more_to_do_is_no_failure_and_its_death_is(tmp_path, dies):
+    said = list[str]()
+    with selectors.DefaultSelector() as selector:
+        saver = SideProcess(selector, "save", [str(tmp_path / "tendon.json")], said.append)
+        await_ready(selector, [saver], said.append)
+        if dies:
+            os.kill(saver.pid, signal.SIGSTOP)
+        saver.end_messages()
+        if dies:
+            os.kill(saver.pid, signal.SIGKILL)
+        os.waitid(os.P_PID, saver.pid, os.WEXITED | os.WNOWAIT)
+        assert finish_all(selector, [saver]) is not dies
+    assert [one.split(":")[0] for one in said] == ["save"] * dies

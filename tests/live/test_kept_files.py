@@ -43,6 +43,14 @@ def test_a_state_that_cannot_be_written_is_refused_at_the_start(run, tmp_path):
     assert "tendon.json: cannot be written" in outcome.errors[-1]
 
 
+@pytest.mark.skipif(not os.path.isdir("/proc/self"), reason="needs a folder in which no file can be made")
+@pytest.mark.parametrize("option", ["--state", "--record"])
+def test_a_folder_in_which_no_file_can_be_made_is_named_and_no_other_stream(run, option):
+    outcome = run("live", "--sink", "none", option, "/proc/tendon.json")
+    assert outcome.status == 2
+    assert "cannot be written (No such file or directory)" in outcome.errors[-1]
+
+
 def test_a_state_that_can_no_longer_be_written_is_said_once_a_minute(tmp_path):
     home = tmp_path / "home"
     with live("--state", home / "tendon.json") as stream:

@@ -1,11 +1,13 @@
 """A client that sends too much, reads too little or has no token is cut off, and no other is affected."""
 
 import json
+import os
 import signal
 import socket
 import struct
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, suppress
 from itertools import count
 
@@ -13,6 +15,8 @@ import pytest
 
 from tests.live.peers import frame
 from tests.live_process import PATIENCE, Reader, live, malformed
+from tssgeom.errors import SettingsError
+from tssgeom.io.network.addresses import access
 from tssgeom.io.network.listener import LIMITS
 from tssgeom.io.network.mailbox import LIMITS as FRAMES
 
@@ -124,6 +128,16 @@ def test_remote_access_needs_a_token_that_cannot_be_guessed(run, tmp_path):
     assert outcome.status == 2
     assert "7 bytes" in outcome.errors[0]
     assert "hunter2" not in outcome.errors[0]
+
+
+def test_a_pipe_may_bring_the_token_and_one_without_a_writer_delays_the_start_no_longer(tmp_path):
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    with pytest.raises(SettingsError, match="the token has 0 bytes"):
+        access(allow_remote=False, token_file=pipe)
+    with ThreadPoolExecutor(1) as other:
+        other.submit(pipe.write_text, "0123456789abcdef0123456789abcdef\n")
+        assert access(allow_remote=False, token_file=pipe).admits(b"0123456789abcdef0123456789abcdef")
 
 
 def test_a_client_without_the_token_gets_nothing_and_one_with_it_is_served(tmp_path):

@@ -85,6 +85,19 @@ def test_a_frame_of_another_client_far_in_the_future_changes_no_answer_to_the_fi
         assert again.process.wait(PATIENCE) == 0
 
 
+@pytest.mark.parametrize("at", [0, 3])
+def test_a_sender_whose_clock_is_wrong_in_one_frame_is_answered_after_it(creeping, at):
+    times = [10.0 + 0.1 * i for i in range(8)]
+    usual = piped([line(half_circle(), one, tension_in_N=PULL) for one in times], "--rig", creeping)
+    times[at] = 1.7e18
+    times.append(10.0)  # of an earlier frame
+    *answers, again = piped([line(half_circle(), one, tension_in_N=PULL) for one in times], "--rig", creeping)
+    assert ["warnings" in one for one in answers] == [i == at for i in range(8)]
+    assert "comes after 10.7 s" in again["rejected"]
+    tensions = [one["tension_out_N"] for one in answers]
+    assert tensions == pytest.approx([one["tension_out_N"] for one in usual], abs=0.1)  # N; a leap: 1.2 N
+
+
 @pytest.mark.parametrize("start", [1.7e18, 1e13])
 def test_a_clock_that_begins_or_leaps_far_in_the_future_leaves_a_state_that_is_read(
     tmp_path, creeping, start

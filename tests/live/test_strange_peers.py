@@ -24,7 +24,8 @@ EVERY_ADDRESS = "00000000"  # 0.0.0.0 in /proc/net/udp
 def test_a_request_of_a_browser_is_refused_and_its_body_is_no_frame(stream, source, reader):
     body = frame(1.0, id="by HTTP")
     request = b"POST / HTTP/1.1\r\nHost: localhost\r\nContent-Length: %d\r\n\r\n" % len(body)
-    for parts in ((request + body,), (request[:9], request[9:] + body)):
+    others = (b"\r\n" + request, b"PROPFIND" + request[4:], b"get http://localhost" + request[5:])
+    for parts in ((request + body,), (request[:9], request[9:] + body), *((one, body) for one in others)):
         with stream.source() as browser:
             browser.settimeout(PATIENCE)
             for part in parts:

@@ -1,5 +1,7 @@
 """Videos and folders of images come frame by frame, in step, or are refused with a reason."""
 
+import os
+
 import cv2
 import numpy as np
 import pytest
@@ -46,7 +48,9 @@ def test_a_video_states_its_rate_and_can_be_read_twice(tmp_path):
 def test_an_image_that_cannot_be_read_is_a_frame_without_sight(tmp_path):
     path = folder(tmp_path / "left", 3)
     (path / "shot1.png").write_bytes(b"no image")
-    assert [image is None for (image,) in open_footage([path])] == [False, True, False]
+    os.mkfifo(path / "shot3.png")
+    (path / "shot4.png").symlink_to("/dev/zero")
+    assert [image is None for (image,) in open_footage([path])] == [False, True, False, True, True]
 
 
 def test_videos_of_different_rates_are_refused(tmp_path):

@@ -37,7 +37,8 @@ class Source:
         """Yield the images in order; None for an image file that cannot be read."""
         if self.images:
             for path in self.images:
-                yield cv2.imread(str(path), cv2.IMREAD_COLOR)
+                # a pipe or a device may have no end
+                yield cv2.imread(str(path), cv2.IMREAD_COLOR) if path.is_file() else None
             return
         require_address_space(VIDEO, "a video")
         capture = cv2.VideoCapture(str(self.video) if self.index is None else self.index)

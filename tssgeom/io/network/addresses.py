@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import hmac
 import ipaddress
+import os
+import select
 import socket
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from time import monotonic
 from urllib.parse import parse_qsl, urlsplit
 
 from tssgeom.errors import SettingsError
@@ -16,6 +19,7 @@ SOURCES = "-, tcp://127.0.0.1:PORT, udp://127.0.0.1:PORT, igtl://HOST:18944 or r
 SINKS = "-, tcp://127.0.0.1:PORT, udp://127.0.0.1:PORT, igtl://127.0.0.1:PORT or none"
 
 _SHORTEST_TOKEN, LONGEST_TOKEN = 16, 1024  # bytes; chosen: 16 random bytes cannot be guessed
+_TOKEN_WAIT = 5.0  # s in which a pipe brings the token; chosen: a program that asks a store of secrets
 _SOCKETS = ("tcp", "udp", "igtl")
 
 
@@ -155,8 +159,7 @@ def access(*, allow_remote: bool, token_file: Path | None) -> Access:
             raise SettingsError("--allow-remote needs --token-file FILE: each client has to send its token")
         return Access()
     try:
-        with token_file.open("rb") as file:
-            token = file.read(LONGEST_TOKEN + 1).strip()
+        token = _token_in(token_file)
     except OSError as error:
         raise SettingsError(f"{token_file}: cannot be read ({error.strerror}): check the path") from error
     if not _SHORTEST_TOKEN <= len(token) <= LONGEST_TOKEN or len(token.splitlines()) != 1:
@@ -165,6 +168,19 @@ def access(*, allow_remote: bool, token_file: Path | None) -> Access:
             f"{LONGEST_TOKEN}, such as python -c 'import secrets; print(secrets.token_hex())'"
         )
     return Access(allow_remote, token)
+
+
+def _token_in(path: Path) -> bytes:
+    """Read a token; a pipe may take a while to bring it, and has no more than that."""
+    file, until, data = os.open(path, os.O_RDONLY | os.O_NONBLOCK), monotonic() + _TOKEN_WAIT, b""
+    try:
+        while len(data) <= LONGEST_TOKEN and select.select([file], [], [], max(until - monotonic(), 0.0))[0]:
+            if not (part := os.read(file, LONGEST_TOKEN + 1)):
+                break
+            data += part
+    finally:
+        os.close(file)
+    return data.strip()
 
 
 def resolved(endpoint: Endpoint, allowed: Access, kind: int) -> tuple[int, tuple]:

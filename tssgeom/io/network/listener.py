@@ -34,7 +34,8 @@ class ConnectionLimits:
 
 LIMITS = ConnectionLimits()
 
-_HTTP = re.compile(rb"[A-Z]{3,7} [/*]")  # how a request begins, and neither a token nor a frame does
+# how a request begins, and neither a token nor a frame does
+_HTTP = re.compile(rb"\s*[A-Za-z]{3,20} (?:[/*]|\S+ HTTP/)")
 
 
 @dataclass(slots=True)
@@ -197,7 +198,7 @@ class Listener:
         if not (peer.greeted and peer.admitted):
             peer.greeting += data
         if not peer.greeted:
-            peer.greeted = b"\n" in peer.greeting or len(peer.greeting) > 2 * LONGEST_TOKEN
+            peer.greeted = b"\n" in peer.greeting.lstrip() or len(peer.greeting) > 2 * LONGEST_TOKEN
             if _HTTP.match(peer.greeting):  # nothing of it is read, and its body is no frame
                 if peer.greeted:
                     self.cut(peer, f"this is no web server: {self._purpose}")

@@ -84,6 +84,8 @@ class Sender:
     """Time of its last answered frame, on its own clock [s]."""
     offset: float = 0.0
     """Time of the stream minus time of this sender [s]."""
+    before_leap: tuple[float, float] | None = None
+    """`latest` and `offset` before the clock leapt to the last answered frame; None where it did not."""
     track: Track = field(default_factory=Track)
     """What the fit of its next frame starts from."""
     busy: bool = False
@@ -108,7 +110,19 @@ class Sender:
 
     def refusal(self, frame: Frame) -> str:
         """Return why a frame is not later than all answered ones; empty where it is."""
-        return "" if self.latest < frame.time < math.inf else late(frame.time, self.latest)
+        latest, _ = self.clock_of(frame.time)
+        return "" if latest < frame.time < math.inf else late(frame.time, latest)
+
+    def clock_of(self, time: float) -> tuple[float, float]:
+        """Return the `latest` and the `offset` that hold for a time [s]: a clock may return from a leap."""
+        if self.before_leap is not None and self.before_leap[0] < time <= self.latest:
+            return self.before_leap
+        return self.latest, self.offset
+
+    def answered(self, time: float, offset: float, *, leapt: bool) -> None:
+        """Take in the time of an answered frame [s], and whether the clock leapt to it."""
+        self.before_leap = (self.before_leap or (self.latest, self.offset)) if leapt else None
+        self.latest, self.offset = time, offset
 
 
 @dataclass(frozen=True, slots=True)
