@@ -81,7 +81,7 @@ def _print_beside(text: str) -> None:
 
 def print_message(text: str) -> None:
     """Print an error or a warning, one line on stderr."""
-    _print_beside(f"tssgeom: {shortened(printable(text))}")
+    _print_beside(f"tssgeom: {shortened(printable(' '.join(text.splitlines())))}")
 
 
 def print_line(text: str) -> None:
@@ -144,7 +144,7 @@ def _table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
 
 
 def _status_line(text: str) -> None:
-    _print_beside(printable(text))
+    _print_beside(printable(" ".join(text.splitlines())))
 
 
 @contextmanager

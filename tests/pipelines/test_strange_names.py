@@ -42,6 +42,17 @@ def test_no_control_character_of_a_name_reaches_the_terminal(half, tmp_path):
         assert b"\\x1b[31m" in text
 
 
+def test_a_line_break_in_a_name_begins_no_line_of_its_own(half, tmp_path):
+    folder = tmp_path / "in"
+    folder.mkdir()
+    (folder / "a\ntssgeom: all well.csv").write_bytes(half.read_bytes())
+    (folder / "b\ntssgeom: all well.csv").write_text("x")
+    done = ended("batch", folder, "--out", tmp_path / "out", "--no-pictures", stdout=subprocess.PIPE)
+    assert done.returncode == 1
+    assert b"all well" in done.stderr
+    assert not [line for line in done.stderr.splitlines() if line.startswith(b"tssgeom: all well")]
+
+
 def locale_of_latin_1() -> str | None:
     program = shutil.which("locale")
     names = subprocess.run([program, "-a"], capture_output=True, check=True).stdout if program else b""

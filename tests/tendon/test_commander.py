@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pipelines.live.warm_up import warm_up
 from tssgeom.engine import process
 from tssgeom.errors import SettingsError
 from tssgeom.frame import Frame
@@ -217,3 +218,21 @@ def test_the_first_command_of_a_stream_with_a_limit_of_speed_holds_the_drive():
     first, second = (one.command for one in results(rig, [3e-3, 3e-3]))
     assert (first.displacement_in, first.limited) == (pytest.approx(0.0, abs=1e-9), "speed_m_per_s")
     assert (second.displacement_in, second.limited) == (pytest.approx(1e-3, abs=1e-9), "speed_m_per_s")
+
+
+@pytest.mark.parametrize("stiffness", [1e-300, 1e-12])
+def test_a_load_so_soft_that_no_drive_is_found_gives_a_result_or_a_reason(stiffness):
+    rig = Rig(load=Load(stiffness_N_per_m=stiffness))
+    turn = np.linspace(0.0, 2.0, 30)
+    points = 0.25 * np.column_stack((np.sin(turn), 1 - np.cos(turn), 0 * turn))
+    frames = [
+        Frame(points, 0.1 * k, tension_in=10.0 + k % 3, displacement_target=target)
+        for k, target in enumerate((1e-3, -1e-3, 2e-3, 0.0, 1e-3) * 4)
+    ]
+    outcomes = list(process(frames, rig, tension_in=10.0, commander=commander_of(rig, [])))
+    assert len(outcomes) == len(frames)
+
+
+def test_a_stream_is_warm_on_a_load_so_soft_that_no_drive_is_found():
+    rig = Rig(load=Load(stiffness_N_per_m=1e-300))
+    warm_up(rig, commander_of(rig, []))

@@ -257,12 +257,8 @@ def _reached(move: _Move, held: TendonState, error: float) -> TendonState:
     if error == 0.0:
         return answer
     low, high = sorted((start, far))  # not all slides one way where the route has moved too
-    from scipy.optimize import brentq
-
-    root: Any = brentq(
-        lambda tension_in: move.error(move.pulled(tension_in)), low, high, xtol=1e-13 * max(high, 1.0)
-    )
-    return move.pulled(float(root))
+    xtol = 1e-13 * max(high, 1.0)
+    return move.pulled(_root(lambda tension_in: move.error(move.pulled(tension_in)), low, high, xtol, move))
 
 
 def _by_position(move: _Move, answer: TendonState) -> TendonState:
@@ -279,10 +275,20 @@ def _by_position(move: _Move, answer: TendonState) -> TendonState:
     if error == 0.0:
         return start
     low, high = sorted((near, far))
+    return move.located(_root(lambda position: move.error(move.located(position)), low, high, 1e-16, move))
+
+
+def _root(error: Callable[[float], float], low: float, high: float, xtol: float, move: _Move) -> float:
+    """Return where an error is zero, between two drives to which it has other signs."""
     from scipy.optimize import brentq
 
-    root: Any = brentq(lambda position: move.error(move.located(position)), low, high, xtol=1e-16)
-    return move.located(float(root))
+    try:
+        root: Any = brentq(error, low, high, xtol=xtol)
+    except ValueError as failure:  # the same signs: of numbers beyond reason no digit is left
+        raise SettingsError(
+            f"no drive is found that brings {move.target:g} N to the distal end: check the target and the rig"
+        ) from failure
+    return float(root)
 
 
 def _answering(state: TendonState, rig: Rig, tension_out: float, way: int) -> float:
