@@ -167,7 +167,8 @@ def _end(number: int) -> None:
     """End the process and its workers now."""
     end_workers()
     discard_drafts()
-    with suppress(OSError):
-        cursor = "\x1b[?25h" if os.isatty(2) else ""  # a bar of progress hides it
-        os.write(2, f"{cursor}tssgeom: {MESSAGE}\n".encode())
+    with suppress(OSError, ValueError, AttributeError):
+        errors = sys.stderr.fileno()
+        cursor = "\x1b[?25h" if os.isatty(errors) else ""  # a bar of progress hides it
+        os.write(errors, f"{cursor}tssgeom: {MESSAGE}\n".encode())
     os._exit(128 + number)

@@ -65,6 +65,29 @@ def whose_reader_may_leave() -> Iterator[None]:
         _leave(sys.stdout)
 
 
+@contextmanager
+def without_lines_of_libraries() -> Iterator[None]:
+    """Keep what libraries in C write on standard error, as of a damaged image, from the terminal."""
+    own, before = os.dup(2), sys.stderr
+    with open(os.devnull, "wb") as nowhere, open(own, "w", 1, before.encoding, before.errors) as errors:
+        before.flush()
+        os.dup2(nowhere.fileno(), 2)
+        if _is_of(before, 2):
+            sys.stderr = errors
+        try:
+            yield
+        finally:
+            sys.stderr = before
+            errors.flush()
+            os.dup2(own, 2)
+
+
+def _is_of(stream: TextIO, number: int) -> bool:
+    with suppress(OSError, ValueError):
+        return stream.fileno() == number
+    return False
+
+
 def _leave(stream: TextIO) -> None:
     """Let a stream go nowhere from now on."""
     with suppress(OSError):

@@ -1,6 +1,8 @@
 """`track` from films to a recording that the other commands read, and `track --calibrate` before it."""
 
 import json
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,6 +16,7 @@ from tests.view.recorded import columns, entities, timelines, verify, views
 from tssgeom.io.formats.cameras import read_cameras
 from tssgeom.io.formats.files import open_recording
 
+PROGRAM = (sys.executable, "-c", "from pipelines.cli import main; main()")
 COUNT, FRAMES = 14, 5
 HEADING = 18  # rows above each image that say which it is
 LENSES = [
@@ -178,3 +181,18 @@ def test_an_unknown_key_in_a_calibration_is_refused(filmed, calibration, run, tm
     )
     assert outcome.status == 2
     assert "zoom" in outcome.errors[0]
+
+
+def test_libraries_write_nothing_of_their_own_about_damaged_images_and_films(tmp_path):
+    images = tmp_path / "images"
+    images.mkdir()
+    noise = np.random.default_rng(0).integers(0, 255, (200, 200, 3), dtype=np.uint8)
+    for name in ("cut.png", "cut.jpg"):
+        _, packed = cv2.imencode(name[-4:], noise)
+        (images / name).write_bytes(packed.tobytes()[:5000])
+    (tmp_path / "film.mp4").write_bytes(b"\0\0\0\x18ftypmp42" + bytes(range(256)) * 2000)
+    for source in ("images", "film.mp4"):
+        command = [*PROGRAM, "track", source, "--calibrate", "--square-mm", "30", "--out", "cameras.toml"]
+        done = subprocess.run(command, check=False, capture_output=True, cwd=tmp_path, timeout=120)
+        assert done.returncode == 2
+        assert [line.split(b":")[0] for line in done.stderr.splitlines()] == [b"tssgeom"]

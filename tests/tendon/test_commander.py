@@ -221,7 +221,7 @@ def test_the_first_command_of_a_stream_with_a_limit_of_speed_holds_the_drive():
 
 
 @pytest.mark.parametrize("stiffness", [1e-300, 1e-12])
-def test_a_load_so_soft_that_no_drive_is_found_gives_a_result_or_a_reason(stiffness):
+def test_a_load_so_soft_that_no_drive_reaches_it_gives_a_result_or_a_reason(stiffness):
     rig = Rig(load=Load(stiffness_N_per_m=stiffness))
     turn = np.linspace(0.0, 2.0, 30)
     points = 0.25 * np.column_stack((np.sin(turn), 1 - np.cos(turn), 0 * turn))
@@ -233,6 +233,6 @@ def test_a_load_so_soft_that_no_drive_is_found_gives_a_result_or_a_reason(stiffn
     assert len(outcomes) == len(frames)
 
 
-def test_a_stream_is_warm_on_a_load_so_soft_that_no_drive_is_found():
+def test_a_stream_is_warm_on_a_load_so_soft_that_no_drive_reaches_the_target():
     rig = Rig(load=Load(stiffness_N_per_m=1e-300))
     warm_up(rig, commander_of(rig, []))

@@ -286,7 +286,7 @@ def _root(error: Callable[[float], float], low: float, high: float, xtol: float,
         root: Any = brentq(error, low, high, xtol=xtol)
     except ValueError as failure:  # the same signs: of numbers beyond reason no digit is left
         raise SettingsError(
-            f"no drive is found that brings {move.target:g} N to the distal end: check the target and the rig"
+            f"no drive brings {move.target:g} N to the distal end: check the target and the rig"
         ) from failure
     return float(root)
 
