@@ -9,9 +9,7 @@ import pytest
 from tssgeom.arrays import rows_at
 from tssgeom.errors import ShapeError
 from tssgeom.route.fibre.route import integrated
-from tssgeom.route.fibre.sensed import clean_fibre, fibre_of_points, fit_fibre, measure_fibre
-from tssgeom.route.geometry import measure
-from tssgeom.route.observations import clean
+from tssgeom.route.fibre.sensed import clean_fibre, fit_fibre, measure_fibre
 from tssgeom.route.synthetic import helix
 
 NEEDLE = Path(__file__).resolve().parents[3] / "shared" / "data" / "fbg_needle" / "shape_stuff.json"
@@ -252,30 +250,6 @@ def test_the_distal_end_scatters_as_its_standard_deviation_says():
     scatter = np.sqrt(np.mean(np.var(ends, axis=0)))
     # 60 trials with about two values each give a standard deviation to 7 %, and the choice of method adds
     assert np.sqrt(np.mean(np.square(stated))) == pytest.approx(scatter, rel=0.3)
-
-
-@pytest.mark.parametrize("route", [half, six_pieces])
-def test_errors_that_were_integrated_are_covered_as_curvatures_and_not_as_points(route):
-    """A box that integrates noisy curvatures sends points whose errors grow: white is the wrong model."""
-    s, fine = np.linspace(0.0, LENGTH, 41), np.linspace(0.0, LENGTH, 1601)
-    rng, off = np.random.default_rng(7), []
-    for _ in range(12):
-        bend = route(rng)
-        noisy = bend(s) + 0.5 * rng.standard_normal((len(s), 2))
-        points = integrated(fine, rows_at(fine, s, noisy))[0][::40]
-        both = measure_fibre(fibre_of_points(points, s)).arcs, measure(clean(points, s)).arcs
-        off.append([abs(one.total_angle - angle(bend)) / one.total_angle_se for one in both])
-    own, white = np.mean(np.array(off) < 1.96, axis=0)
-    assert own >= 9 / 12  # of 12 with 95 %, fewer than 9 are inside once in 5000 times
-    assert white <= 8 / 12
-
-
-def test_points_on_an_arc_give_its_curvature_exactly():
-    s = np.array([0.0, 0.03, 0.05, 0.11, 0.16, 0.2])  # uneven
-    location, _ = integrated(np.linspace(0, 0.2, 201), np.tile([9.0, 4.0], (201, 1)))
-    fibre = fibre_of_points(location[np.round(s * 1000).astype(int)], s)
-    np.testing.assert_allclose(np.linalg.norm(fibre.curvatures, axis=1), np.hypot(9.0, 4.0), rtol=1e-9)
-    assert (fibre.length, len(fibre.stations)) == (0.2, 4)
 
 
 def test_thousands_of_gratings_are_averaged():

@@ -17,6 +17,7 @@ import numpy as np
 
 from tssgeom import core
 from tssgeom.arrays import Matrix, Points, Vector, rows_at
+from tssgeom.core.constants import ROUNDING
 from tssgeom.route.model_choice import NOISE_PRIOR
 
 
@@ -24,8 +25,6 @@ from tssgeom.route.model_choice import NOISE_PRIOR
 class FibrePrior:
     """Prior of the curvature of a fibre; docs/model.md (36), (37), (240)."""
 
-    faintest: float = 1e-4
-    """Curvature below which nothing differs from straight [1/m]. Chosen: a radius of 10 km."""
     straight: float = 0.5
     """Probability that a piece is straight; half of the others are smooth [1]. Chosen."""
     pieces: float = 4.0
@@ -57,8 +56,6 @@ class Effort:
     """Levels that are added where the probability is, at most."""
     level_step: float = 0.8
     """Step of the logarithm of the noise that is fine enough [standard errors]."""
-    negligible: float = 1e-3
-    """Probability below which a step of the grid is not halved [1]."""
     near_step: float = 1.5
     """Distance from the noise of the last frame to the levels on both sides [standard errors]."""
     farthest: float = 3.0
@@ -116,10 +113,10 @@ class Sensed(NamedTuple):
 
     @property
     def typical(self) -> float:
-        """Size τ of a component in the mean, not below what the noise could hide [1/m]."""
+        """Size τ of a component in the mean, not below what noise or rounding could hide [1/m]."""
         mean_square = float(np.mean(self.bend[self.read] ** 2))
         hidden = self.noise**2 * float(np.mean(1.0 / self.merged[self.read]))
-        return math.sqrt(max(mean_square, hidden, PRIOR.faintest**2))
+        return max(math.sqrt(max(mean_square, hidden)), ROUNDING.relative / self.length)
 
 
 def kinds_of(sensed: Sensed, *, smooth: bool = True, pieces: bool = True) -> Kinds:
@@ -219,7 +216,7 @@ def noises(sensed: Sensed, kinds: Kinds, last: LastNoise | None = None) -> Noise
     for _ in range(EFFORT.more_levels):
         mass = np.exp(np.maximum(density[1:], density[:-1]) - density.max()) * np.diff(level)
         widest = np.where(np.diff(level) > finest, mass, 0.0)
-        if widest.max() <= EFFORT.negligible * mass.sum():
+        if EFFORT.draws * widest.max() <= mass.sum():  # no step has a draw of its own
             break
         i = int(np.argmax(widest))
         middle = 0.5 * (level[i] + level[i + 1])

@@ -11,8 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tssgeom import core
-from tssgeom.arrays import Matrix, Points, Vector, read_only, rows_at
+from tssgeom.arrays import Matrix, Vector, read_only, rows_at
 from tssgeom.core.constants import CHANCE
 from tssgeom.errors import FitError, ShapeError
 from tssgeom.route.fibre.models import Kinds, LastNoise, Sensed, kinds_of, noises, partitions, sampled
@@ -144,50 +143,6 @@ def _refuse_full_turns(bend: Matrix, s: Vector) -> None:
             f"grating {i} has a curvature of {size[i]:.3g} per m, more than a full turn to its neighbour: "
             "leave a wrong reading empty"
         )
-
-
-def fibre_of_points(points: Points, stations: Vector) -> Fibre:
-    """Turn points that a shape-sensing box integrated from curvatures back into them; docs/model.md (39).
-
-    The errors of such points grow along the fibre and neighbours share them; those of the curvatures behind
-    them are white. The points should stand at the gratings, and curvature is taken to run straight between
-    them: points in between repeat the gratings, and their errors are then underestimated.
-
-    Parameters
-    ----------
-    points
-        Positions, proximal to distal, none missing [m].
-    stations
-        Known arc length of each [m].
-
-    Raises
-    ------
-    ShapeError
-        As `clean_fibre`.
-    """
-    chord = np.diff(np.asarray(points, dtype=np.float64), axis=0)
-    way = chord / np.maximum(np.linalg.norm(chord, axis=1), 1e-300)[:, None]
-    turn = way[1:] - way[:-1]
-    half = 0.5 * np.linalg.norm(turn, axis=1)
-    angle = 2.0 * np.arcsin(np.minimum(half, 1.0))
-    tangent = way[1:] + way[:-1]
-    tangent = tangent / np.linalg.norm(tangent, axis=1)[:, None]
-    turned = core.parallel_components(tangent, turn * (angle / np.maximum(2.0 * half, 1e-300))[:, None])
-    bend = np.full((len(points), 2), np.nan)
-    bend[1:-1] = _unmixed(turned, np.diff(stations))
-    return clean_fibre(bend, stations)
-
-
-def _unmixed(turned: Matrix, step: Vector) -> Matrix:
-    """Curvatures at the inner points [n-2, 2] from the turns between chords [rad] and the steps [m]; (39)."""
-    from scipy.linalg import solve_banded
-
-    before, after = step[:-1] / 6.0, step[1:] / 6.0
-    middle = 2.0 * (before + after)
-    middle[0] += before[0]  # beyond the last inner point curvature stays as it is
-    middle[-1] += after[-1]
-    band = np.vstack((np.append(0.0, after[:-1]), middle, np.append(before[1:], 0.0)))
-    return solve_banded((1, 1), band, turned)
 
 
 def measure_fibre(fibre: Fibre, noise: float | None = None, method: Method = "auto") -> RouteFit:
