@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.core.twins.arcs_fit import residual_variance
-from tssgeom.core.constants_route import OUTLIERS
+from tssgeom.core.constants_route import PRIOR
 from tssgeom.route.arcs.chain import Data, unfitted
 from tssgeom.route.arcs.outliers import outlier_weights
 from tssgeom.route.outliers import outlier_limit
@@ -28,7 +28,7 @@ def test_the_limit_scales_with_the_variance():
 def test_the_greatest_variance_counts_and_exact_points_keep_a_floor():
     assert residual_variance(4.0, 9.0, 1.0) == 9.0
     assert residual_variance(9.0, 4.0, 1.0) == 9.0
-    assert residual_variance(0.0, 0.0, 0.01) == pytest.approx((OUTLIERS.floor * 0.01) ** 2, rel=1e-15)
+    assert residual_variance(0.0, 0.0, 0.01) == pytest.approx((PRIOR.rounding * 0.01) ** 2, rel=1e-15)
 
 
 def _straight(off):

@@ -222,8 +222,8 @@ int64_t chain_fits(const Data *data, const Chain *chain, double last) {
     double freedom = freedom_of(data, chain), highest = highest_mean_square(freedom);
     if (data->variance > 0.0) return chain->cost < highest * data->variance * freedom;
     double usual = most(last, squared(ROUNDING.relative * data->spacing)) * freedom;
-    double lowest = squared(CHAIN_TRACKING.exact * data->spacing) * freedom;
-    if (CHAIN_TRACKING.quieter * most(chain->cost, lowest) < usual) return 0; /* no measure of this frame */
+    double lowest = squared(PRIOR.rounding * data->spacing) * freedom;
+    if (squared(CHANCE.never) * most(chain->cost, lowest) < usual) return 0; /* the last frame is no measure of this one */
     return chain->cost < most(PASSES.warm_noise, 1.5 * highest) * usual;
 }
 

@@ -77,31 +77,18 @@ class ChainMoves(NamedTuple):
     dropped_below: float = 8.0
     """Length of a piece below which it may be dropped whole [mean spacings]; chosen."""
     joint_parameters: float = 3.0
-    """Parameters of another joint [1]; derived: the joint and the curvature behind it."""
-    latest: float = 3.0
-    """Rise of the criterion that a simpler chain may promise and still be tried [ln n]; chosen."""
+    """Parameters of another joint, the joint and the curvature behind it; a simpler chain that promises to
+    raise the criterion by no more than their price is still tried [1]; derived."""
 
 
 CHAIN_MOVES = ChainMoves()
-
-
-class TrackingLimits(NamedTuple):
-    """When the chain of the last frame is no start for this one, which is far less noisy."""
-
-    quieter: float = 100.0
-    """Noise variance of the last frame over that of this one, from which the fit begins anew [1]. Chosen."""
-    exact: float = 1e-5
-    """Noise below which two frames are equally quiet [spacings]. Chosen: below any sensor."""
-
-
-CHAIN_TRACKING = TrackingLimits()
 
 
 class IdentifiableBend(NamedTuple):
     """Which pieces have a bend that their points determine."""
 
     few_points: float = 3.0
-    """Length below which a piece holds few points [spacings]. Chosen."""
+    """Length below which a piece holds few points; corners so near are one [spacings]. Chosen."""
     largest_se: float = 3.0
     """Standard error of the angle of any piece from which on it is dropped [rad]. Chosen: half a turn."""
     largest_se_short: float = 0.3

@@ -9,9 +9,6 @@ class OutlierLimits(NamedTuple):
     square: float = 16.0
     """Squared residual of one value of many [1]. Derived: with 2 ln n added, pure noise of two components
     takes one of n values for an outlier with a chance of e^-8 = 0.03 %, whatever n is."""
-    floor: float = 1e-4
-    """Noise that every residual is allowed [spacing]: below some five times this none is an outlier, however
-    exact the other points; chosen."""
     share: float = 0.1
     """Most outliers of all values, or of those side by side; where there are more, the fit, or the order, is
     wrong [1]; chosen."""
@@ -29,15 +26,10 @@ class OutlierLimits(NamedTuple):
     turn_share: float = 0.5
     """Residual of a direction over the turn from point to point that a jump of curvature alone gives [1];
     chosen."""
-    least_own: float = 1e-3
-    """Least share of the variance of a direction that the rest of the fit leaves to it [1]; chosen."""
 
-    run_at_end: int = 4
-    """Outliers side by side at an end, beyond which they are the end; twice as many between points that are
-    none are the route [1]; chosen."""
-
-    rounds: int = 8
-    """Most fits without the outliers of the one before [1]; chosen."""
+    longest_run: int = 4
+    """Outliers side by side, in a fit or before it, beyond which they are an end of the route or a break in
+    the sequence; twice as many between points that are none are the route [1]; chosen."""
 
 
 OUTLIERS = OutlierLimits()
@@ -46,8 +38,6 @@ OUTLIERS = OutlierLimits()
 class RawOutlierLimits(NamedTuple):
     """Which points are outliers before any fit, judged by their neighbours alone."""
 
-    off_curve: float = 6.0
-    """Typical distances from the neighbours' curve, above which a point may be an outlier [1]. Chosen."""
     end_off_direction: float = 15.0
     """Typical distances by which an end must leap aside to be an outlier [1]. Chosen."""
     end_off_curve: float = 0.1
@@ -62,10 +52,9 @@ class RawOutlierLimits(NamedTuple):
     """Factor by which a leap longer than the way that shows the direction counts less at most [1]. Chosen."""
     end_improvement: float = 0.3
     """Residual without the outlier over that with it, at most [1]. Chosen."""
-    longest_run: int = 3
-    """Points in a row that may be outliers together. Chosen: a longer run is a break of the sequence."""
     uneven: float = 4.0
-    """Steps by which unevenly spaced points may be off along the route, either way [1]. Chosen."""
+    """Steps by which unevenly spaced points may be off along the route, either way, and points apart in the
+    sequence up to which they may be near each other [1]. Chosen."""
     extrapolated_from: int = 6
     """Points whose line is extrapolated beyond an end. Chosen."""
     fewest: int = 8
@@ -102,19 +91,11 @@ class OrderingLimits(NamedTuple):
     nearer_neighbours: float = 3.0
     """Median step over the median distance to the nearest point of one at random [1]. Chosen."""
     leap: float = 10.0
-    """Median steps that make a leap [1]. Chosen."""
-    leap_of_spread: float = 0.4
-    """The same over the median distance from the mean [1]. Chosen."""
+    """Median steps that make a leap, if longer than the median distance from the mean [1]. Chosen."""
     most_leaps: int = 20
     """Leaps that are tested. Chosen: by speed."""
     elsewhere: float = 2.0
     """Median steps around the ends of a leap in which no other part of the route may lie [1]. Chosen."""
-    neighbours: int = 5
-    """Points apart in the sequence up to which points may be near each other. Chosen."""
-    far_behind: float = 10.0
-    """Noises by which a point may lie behind one before it on the fitted route [1]. Chosen."""
-    behind: float = 1e-6
-    """The same over the length of the route [1]. Derived: rounding of a fit."""
 
 
 ORDERING = OrderingLimits()
@@ -139,11 +120,9 @@ class SplinePrior(NamedTuple):
     """Greatest turn from point to point that the prior follows [rad]; chosen."""
     change: float = 0.5
     """Greatest relative change of curvature, or turn of its plane [rad], from point to point; chosen."""
-    least_bend: float = 1e-18
-    """Least variance of a and b of (20) at both ends [spacing^-2, spacing^-4]; chosen: rounding."""
     rounding: float = 1e-6
-    """Least noise, and least distance of neighbouring stations whose feet coincide [spacing]; chosen: less is
-    rounding, not truth, to a filter of four states."""
+    """Least noise, which every residual is allowed too, and least distance of neighbouring stations whose
+    feet coincide [spacing]; chosen: less is rounding, not truth, to a filter of four states."""
     vague: float = 1e4
     """Variance of position and direction at the first station over that of the last pass or guess [1];
     chosen."""
@@ -151,8 +130,6 @@ class SplinePrior(NamedTuple):
     """Variance of a and b at both ends over that of the first guess [1]; chosen."""
     guess_points: int = 9
     """Points between whose chords the first guess of the curvature is taken [1]; chosen."""
-    least_weight: float = 1e-6
-    """Weight of an outlier where stations are put in order [1]; chosen: small, but not 0."""
 
 
 PRIOR = SplinePrior()
@@ -169,8 +146,6 @@ class RatioSearch(NamedTuple):
     """Distance of the first trials [decades]; chosen."""
     fine: float = 0.4
     """Half width of the last parabola [decades]; derived: a twentieth of the smoother's window."""
-    steps: int = 40
-    """Most steps of one width, and most widths [1]; derived: more than there are on the whole range."""
     price_per_decade: float = 1.0
     """-2 ln of the prior of λ by decade [1]; chosen: no route is taken for exactly linear in curvature."""
 
@@ -182,7 +157,8 @@ class SplinePasses(NamedTuple):
     """How many passes a fit takes, each with its prior along the curve of the last one, and when they end."""
 
     most: int = 12
-    """Most passes [1]; chosen: at a kink no pass is the last."""
+    """Most passes, and most fits without the outliers of the one before [1]; chosen: at a kink no pass is the
+    last."""
     same_noise: float = 0.01
     """Relative change of the noise variance at which they have converged [1]; chosen."""
     same_ratio: float = 0.05
@@ -190,10 +166,6 @@ class SplinePasses(NamedTuple):
     uneven: float = 2.0
     """ln likelihood of a point by which chord lengths must beat even spacing as first stations [1];
     chosen."""
-    warm_searches: int = 4
-    """Searches for λ from its last value in a route that moves [1]; chosen."""
-    warm_ratio: float = 3.0
-    """Change of ln λ in such a search above which another one is needed [1]; chosen."""
     warm_noise: float = 2.0
     """Factor on the noise variance of the last fit, beyond which a fit begins from nothing, and above which a
     chain is unfit [1]; chosen."""
@@ -207,8 +179,6 @@ class AngleErrors(NamedTuple):
 
     natural_ends: float = 1e-3
     """Relative error of an exact circle over the fourth power of its turn a point [1/rad⁴]. Fitted."""
-    rounding: float = 1e-8
-    """Relative error of exact points [1]. Fitted: exact circles and helices."""
     sparse: float = 0.1
     """Standard error for each rad⁵ of uneven turns from point to point [rad/rad⁵]. Fitted; model.md (26)."""
     typical_peak: float = 2.0
@@ -255,8 +225,6 @@ class TimeFilterLimits(NamedTuple):
     """Probability of going to the next calmer or livelier motion in one frame [1]. Chosen."""
     start: float = 1e-3
     """Probability of going to any other livelier one [1]. Chosen."""
-    least: float = 1e-100
-    """Least probability of a motion [1]. Chosen: so small that calming goes step by step."""
     prior_values: float = 50.0
     """Values for which the noise of the rest counts in that of the smooth part [1]. Chosen: two frames."""
     most_values: float = 3000.0

@@ -10,7 +10,7 @@ double outlier_limit(int64_t count, double variance) {
 
 /* Variance by which residuals are judged: the greatest of three; docs/model.md (29). */
 double residual_variance(double known, double robust, double spacing) {
-    return most(most(robust, known), squared(OUTLIERS.floor * spacing));
+    return most(most(robust, known), squared(PRIOR.rounding * spacing));
 }
 
 void tss_path_length(int64_t n, const double points[n][3], const double weight[n], int64_t *ignored, double *path) {
@@ -159,7 +159,7 @@ static double typical_off_parabola(int64_t n, const double points[][3], double *
 /* Which of the first three points keeps the others from lying on a parabola, or -1. */
 static int worst_of_end(const double p[6][3], double spacing, double typical) {
     double whole = off_parabola(5, p, -1);
-    if (whole > most(RAW.off_curve * typical, RAW.end_off_curve * spacing)) {
+    if (whole > most(CHANCE.never * typical, RAW.end_off_curve * spacing)) {
         int best = -1;
         double smallest = RAW.end_improvement * whole;
         for (int i = 0; i < 3; i++) {
@@ -218,7 +218,7 @@ static int64_t worst_inside(int64_t n, const double p[][3], double spacing, doub
         if (size[i - 2] > size[worst]) worst = i - 2;
     }
     double largest = size[worst];
-    return largest > most(RAW.off_curve * median_of(n - 4, size), spacing) ? worst + 2 : -1;
+    return largest > most(CHANCE.never * median_of(n - 4, size), spacing) ? worst + 2 : -1;
 }
 
 int64_t tss_worst_outlier(int64_t n, const double points[n][3], double spacing, double work[n]) {

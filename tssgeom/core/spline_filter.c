@@ -135,8 +135,8 @@ double best_ratio(const FilterModel *model, double variance, double guess) {
     at[0] = x - width, at[1] = x, at[2] = x + width, at[3] = x;
     criteria(model, variance, at, value);
     double left = value[0], middle = value[1], right = value[2];
-    for (int64_t round = 0; round < SEARCH.steps; round++) {
-        for (int64_t step = 0; step < SEARCH.steps; step++) {
+    for (;; width = most(0.5 * width, SEARCH.fine)) {
+        for (double walked = SEARCH.least; walked < SEARCH.most; walked += width) {
             double way = 0.0;
             if (left < middle && left <= right && x > SEARCH.least) way = -width;
             else if (right < middle && x < SEARCH.most) way = width;
@@ -148,8 +148,8 @@ double best_ratio(const FilterModel *model, double variance, double guess) {
             else left = middle, middle = right, right = value[0];
         }
         if (width <= SEARCH.fine) break;
-        width = most(0.5 * width, SEARCH.fine);
-        at[0] = x - width, at[1] = x + width, at[2] = x, at[3] = x;
+        double half = most(0.5 * width, SEARCH.fine);
+        at[0] = x - half, at[1] = x + half, at[2] = x, at[3] = x;
         criteria(model, variance, at, value);
         left = value[0], right = value[1];
     }

@@ -144,17 +144,6 @@ status tss_spline_nodes(
     return isfinite(s[*count - 1]) ? DONE : NO_FINITE_CURVE;
 }
 
-/* λ searched from its last value, or 0 where a few searches do not suffice. */
-static double ratio_nearby(const FilterModel *model, double variance, double ratio) {
-    for (int64_t search = 0; search < PASSES.warm_searches; search++) {
-        double next = best_ratio(model, variance, ratio);
-        int near = fabs(log(next / ratio)) <= PASSES.warm_ratio;
-        ratio = next;
-        if (near) return ratio;
-    }
-    return 0.0;
-}
-
 static int any_without_weight(int64_t n, const double weight[]) {
     for (int64_t i = 0; i < n; i++)
         if (!(weight[i] > 0.0)) return 1;
@@ -188,7 +177,7 @@ status tss_spline_frame(
     memcpy(start, last_mean[0], sizeof start);
     for (int c = 0; c < 3; c++) start[c][0] = y[0][c];
     FilterModel model = {n, u, y, weight, f, start, ends, curve_tangent, 1, NULL, NULL};
-    double ratio = ratio_nearby(&model, variance, last_ratio);
+    double ratio = best_ratio(&model, variance, last_ratio);
     if (!(ratio > 0.0)) return DONE;
     smooth(&model, ratio, 0.0, mean, covariance, gain, (double(*)[10])room, &at);
     set_intensity(&model, variance, &at);

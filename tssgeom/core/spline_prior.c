@@ -86,7 +86,7 @@ void tss_prior_along_curve(
         else if (i == n - 1) growth_at_end += growth + 2.0 * q * p23;
         bend_before = whole_bend, rate_before = whole_rate, speed_before = speed;
         feet[i] = arc + off;
-        firm[i] = most(weight[i], PRIOR.least_weight);
+        firm[i] = most(weight[i], ROUNDING.relative);
     }
     /* docs/model.md (20a) */
     double omega_square = within((rate_integral - growth_at_end) / most(bend_integral, 1e-300), 0.0, squared(PRIOR.change));
@@ -100,8 +100,8 @@ void tss_prior_along_curve(
     ends[0] = PRIOR.vague * covariance[0][0] / ratio;
     ends[1] = PRIOR.vague * covariance[0][4] / ratio;
     /* docs/model.md (20b) */
-    ends[2] = (PRIOR.least_bend + 0.5 * bends) / noise;
-    ends[3] = (PRIOR.least_bend + 0.5 * rates) / noise;
+    ends[2] = (squared(ROUNDING.relative) + 0.5 * bends) / noise;
+    ends[3] = (squared(ROUNDING.relative) + 0.5 * rates) / noise;
     if (known) {
         for (int64_t i = 0; i < n; i++) next_u[i] = u[i];
         return;

@@ -2,6 +2,7 @@
    and how likely each is (interacting multiple models; Blom and Bar-Shalom 1988). docs/model.md (156) to (159). */
 #include "time_filter.h"
 
+#include <float.h>
 #include <string.h>
 
 enum {
@@ -221,7 +222,7 @@ void tss_filter_in_time(
     }
     double sum = 0.0;
     for (int k = 0; k < MOTIONS; k++)
-        sum += probability_after[k] = most(exp(evidence[k] - best), TIME_FILTER.least);
+        sum += probability_after[k] = most(exp(evidence[k] - best), DBL_MIN);
     memset(filtered, 0, (size_t)n * sizeof *filtered);
     for (int k = 0; k < MOTIONS; k++) {
         double share = probability_after[k] /= sum;

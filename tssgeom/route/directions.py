@@ -16,8 +16,6 @@ class DirectionLimits:
 
     off_unit: float = 0.05
     """Difference of the length of a direction from 1 above which the frame is refused [1]. Chosen."""
-    against: float = -0.5
-    """Cosine to the chord of the neighbours below which a direction runs against the route [1]. Chosen."""
 
 
 LIMITS = DirectionLimits()
@@ -30,7 +28,8 @@ class DirectionNoisePrior:
     typical: float = 0.02
     """Standard deviation of a component [rad]. Chosen: magnetic trackers have 0.005 to 0.05."""
     values: float = 4.0
-    """Residuals that it is worth. Chosen: two sensors outweigh it; too small a noise does more harm."""
+    """Residuals that it is worth, as is the noise of the first fit in a filter in time. Chosen: two sensors
+    outweigh it; too small a noise does more harm."""
     rounds: int = 4
     """Fits, each with the noise of the one before. Chosen: the last changes it by a few per cent."""
     kept: float = 0.05
@@ -95,7 +94,7 @@ def _along_route(d: Points, points: Points) -> tuple[Points, tuple[str, ...]]:
     sensed = np.isfinite(cosine)
     if sensed.any() and cosine[sensed].mean() < 0.0:
         raise ShapeError("directions point from the distal to the proximal end: turn them round")
-    against = np.flatnonzero(sensed & (cosine < LIMITS.against))
+    against = np.flatnonzero(sensed & (cosine < 0.0))
     if not against.size:
         return d, ()
     d[against] = np.nan

@@ -57,8 +57,6 @@ class TrackingSchedule:
     """Frames after which the other estimator is tried. Chosen: by latency."""
     longest_interval: int = 512
     """The same where the other was far behind again and again [frames]. Chosen."""
-    far_behind: float = 60.0
-    """Evidence difference beyond which the interval to the next trial doubles [2 ln]. Chosen."""
     work: int = 2000
     """Work of a check after one frame, as its steps count it [visits of a point]. Chosen: 0.2 ms."""
     moves: int = 2
@@ -266,7 +264,7 @@ def _not_taken_over(
 ) -> TrackedFit:
     """Keep the model. `difference` is the candidate's log evidence less that of the model [2 ln]."""
     interval = SCHEDULE.first_interval
-    if difference < -SCHEDULE.far_behind:
+    if difference < CHOICE.hopeless:
         interval = min(2 * now.interval, SCHEDULE.longest_interval)
     now = replace(now, age=0, interval=interval, candidate=candidate, trials=0)
     return now.with_model_variances(added)

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tssgeom.arrays import Vector, rows_at
+from tssgeom.core.constants_route import RAW
 from tssgeom.route.arcs.chain import Chain, Data, noise_variance, squared_distances, tangent_count
 from tssgeom.route.arcs.moves import saved_by_slopes
 from tssgeom.route.arcs.outliers import squared_tangent_residuals
@@ -49,10 +50,9 @@ class ModelChoice:
     """Values for each parameter from which on they are enough, for many pieces too [1]. Chosen."""
     missing_value_price: float = 25.0
     """Price of each value that a parameter lacks of these [2 ln]. Fitted on routes of 8 to 20 points."""
-    lost_along: float = 3.0
-    """Root mean square distance from known stations of a chain that lost its points [spacings]. Chosen."""
     hopeless: float = -40.0
-    """Evidence difference of a first chain that further moves do not make up [2 ln]. Chosen."""
+    """Evidence difference of a first chain that further moves do not make up, and of either model from which
+    the interval to its next trial doubles in a stream [2 ln]. Chosen."""
 
 
 CHOICE = ModelChoice()
@@ -215,6 +215,6 @@ def _parameters(data: Data, chain: Chain) -> int:
 
 def _lost_along(data: Data, chain: Chain, across: float) -> bool:
     """Whether points are far from their stations though near the chain, as where a route turns back."""
-    limit = CHOICE.lost_along**2 * float(data.weight.sum()) * data.spacing**2
+    limit = RAW.uneven**2 * float(data.weight.sum()) * data.spacing**2
     lost = chain.cost - across > limit
-    return not data.free and lost and chain.cost > CHOICE.lost_along**2 * across
+    return not data.free and lost and chain.cost > RAW.uneven**2 * across

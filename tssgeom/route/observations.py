@@ -10,6 +10,7 @@ import numpy as np
 
 from tssgeom import core
 from tssgeom.arrays import Points, Vector, read_only
+from tssgeom.core.constants import CHANCE, ROUNDING
 from tssgeom.core.constants_route import ORDERING, POINTS, RAW
 from tssgeom.errors import ShapeError
 from tssgeom.route.directions import checked_directions, listed
@@ -174,7 +175,7 @@ def out_of_order(points: Points) -> bool:
         return False
     steps, off = step_lengths(points), points - points.mean(axis=0)
     typical, spread = np.median(steps), np.median(np.sqrt(np.einsum("ij,ij->i", off, off)))
-    leap = max(ORDERING.leap * typical, ORDERING.leap_of_spread * spread)
+    leap = max(ORDERING.leap * typical, spread)
     wandering = typical > ORDERING.wandering * spread
     if not wandering and steps.max() <= leap:
         return False
@@ -197,7 +198,7 @@ def _typical_to_nearest(points: Points) -> float:
 def _passed_elsewhere(points: Points, index: int, radius: float) -> bool:
     """Whether a point far off in the sequence lies within `radius` [m] of this one."""
     near = np.flatnonzero(np.linalg.norm(points - points[index], axis=1) <= radius)
-    return bool((np.abs(near - index) > ORDERING.neighbours).any())
+    return bool((np.abs(near - index) > RAW.uneven).any())
 
 
 def _usable(points: Points, known: Vector | None) -> tuple[np.ndarray, tuple[str, ...]]:
@@ -297,7 +298,7 @@ def order_warnings(shape: Shape, weight: Vector, stations: Vector, noise: float)
     """Name the points that lie behind one before them by more than the noise of both [m]."""
     used = np.flatnonzero(weight > 0.0)
     at = stations[used]
-    least = ORDERING.far_behind * noise + ORDERING.behind * (at[-1] - at[0])
+    least = CHANCE.never * noise + ROUNDING.relative * (at[-1] - at[0])
     behind = used[np.maximum.accumulate(at) - at > least]
     if not len(behind):
         return ()

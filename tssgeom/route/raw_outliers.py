@@ -31,7 +31,7 @@ def _unmark_long_runs(mark: np.ndarray) -> None:
     """Unmark runs of many points: where many in a row are off, the sequence breaks and none is an outlier."""
     edges = np.flatnonzero(np.diff(np.concatenate(([False], mark, [False]))))
     for begin, end in edges.reshape(-1, 2):
-        if end - begin > RAW.longest_run:
+        if end - begin > OUTLIERS.longest_run:
             mark[begin:end] = False
 
 

@@ -13,6 +13,7 @@ from scipy.ndimage import uniform_filter1d
 from scipy.spatial.transform import Rotation
 
 from tssgeom.arrays import Matrix, Points, Vector, read_only, rows_at
+from tssgeom.core.constants_route import STAIRCASE
 from tssgeom.errors import ShapeError
 from tssgeom.route.error_posterior import GRID
 from tssgeom.route.resolution import LIMITS as RESOLUTION
@@ -181,5 +182,5 @@ def _differences(fits: Sequence[RouteFit], back: Sequence[bool]) -> tuple[float,
 
 def _even(fit: RouteFit) -> Points:
     route = fit.route
-    at = np.linspace(0.0, float(route.s[-1]), RESOLUTION.cells)
+    at = np.linspace(0.0, float(route.s[-1]), STAIRCASE.most_cells)
     return rows_at(at, route.s, route.position)

@@ -15,6 +15,7 @@ import numpy as np
 
 from tssgeom import core
 from tssgeom.arrays import Matrix, Points, Vector, read_only, rows_at
+from tssgeom.core.constants_route import STAIRCASE
 from tssgeom.route.pieces import Arcs, spread_over
 from tssgeom.route.route import Route, carried
 from tssgeom.route.route_fit import Deferred, Nodes, RouteFit, nodes_with_angle_variance
@@ -24,8 +25,6 @@ from tssgeom.route.route_fit import Deferred, Nodes, RouteFit, nodes_with_angle_
 class ResolutionLimits:
     """How a curvature is freed of short waves."""
 
-    cells: int = 512
-    """Even cells along the route. Chosen: a wave of a fiftieth of the route has ten."""
     octave: float = 2.0**0.75
     """Factor on either side of a resolution; what Φ changes between both is its error [1]. Chosen: 1.5
     octaves in all."""
@@ -158,7 +157,7 @@ def left_of_waves(count: int, resolution: float) -> Vector:
 
 
 def _waves(fit: RouteFit) -> _Waves:
-    edge = np.linspace(0.0, float(fit.route.s[-1]), LIMITS.cells + 1)
+    edge = np.linspace(0.0, float(fit.route.s[-1]), STAIRCASE.most_cells + 1)
     sampled = sampled_bend(fit)
     angle = float(np.linalg.norm(sampled, axis=1).sum()) * (edge[1] - edge[0])
     scale = fit.arcs.total_angle / angle if angle > 0.0 else 1.0
@@ -169,7 +168,7 @@ def _waves(fit: RouteFit) -> _Waves:
 def sampled_bend(fit: RouteFit) -> Matrix:
     """Return the curvature in even cells along a route, as `bend_without_twist` [n, 2] [1/m]."""
     bend, s = bend_without_twist(fit.route), fit.route.s
-    middle = (np.arange(LIMITS.cells) + 0.5) * (float(s[-1]) / LIMITS.cells)
+    middle = (np.arange(STAIRCASE.most_cells) + 0.5) * (float(s[-1]) / STAIRCASE.most_cells)
     return rows_at(middle, s, bend)
 
 

@@ -21,9 +21,8 @@ class StationLimits:
     warning: float = 1.05
     """Chords over their stations above which a warning is due [1]. Derived: 1, and an allowance for noise."""
     refusal: float = 2.0
-    """Chords over their stations above which the frame is refused [1]. Chosen: a wrong unit or column."""
-    shortest_path: float = 1 / 3
-    """Path from point to point over the stations [1]. Derived: below it neighbours are half a turn apart."""
+    """Chords over their stations, and the length by stations or by a fit over the path from point to point,
+    above which the frame is refused [1]. Chosen: a wrong unit or column, or an arc of 3.8 rad on a chord."""
     most_turn_over_chord: float = 2.8
     """Turn up to which a chord is lengthened to its arc [rad]. Chosen: just below half a turn."""
 
@@ -115,7 +114,7 @@ def station_warnings(points: Points, known: Vector) -> tuple[str, ...]:
         Where they cannot belong to each other.
     """
     path, over, _ = core.against_stations(points, known, max(len(points) // STATIONS.chords, 1))
-    if path < STATIONS.shortest_path * known[-1] or over > STATIONS.refusal:
+    if known[-1] > STATIONS.refusal * path or over > STATIONS.refusal:
         raise ShapeError(
             f"stations over {known[-1]:.3g} m for points along {path:.3g} m: check the unit of the stations"
         )

@@ -12,14 +12,14 @@ import numpy as np
 
 from tssgeom import core
 from tssgeom.arrays import Matrix, Points, Vector, read_only, rows_at
-from tssgeom.core.constants import ROUNDING
+from tssgeom.core.constants import CHANCE, ROUNDING
 from tssgeom.core.constants_arcs import CHAIN_FIT
 from tssgeom.errors import FitError
 from tssgeom.result import Result
 from tssgeom.route.arcs.chain import Chain
 from tssgeom.route.curvature import CurvatureProfile
 from tssgeom.route.pieces import Arcs, spread_over
-from tssgeom.route.route import Route
+from tssgeom.route.route import STATIONS, Route
 from tssgeom.route.spline.fit import Spline
 
 Value = TypeVar("Value")
@@ -42,12 +42,6 @@ class AgreementLimits:
     longest_path: float = 1.3
     """Path from point to point over the length of the route with its noise [1]. Derived: chords are shorter
     than arcs, so 1 plus an allowance for noise."""
-    residual: float = 4.0
-    """Noises, beside one spacing, of the root mean square residual [1]. Chosen."""
-    fold_cosine: float = -0.5
-    """Cosine between neighbouring tangents below which the route turns straight back [1]. Chosen."""
-    longest_detour: float = 2.0
-    """Length of the route over the path from point to point [1]. Derived: an arc of 3.8 rad on its chord."""
     largest_angle_se: float = 20 * math.pi
     """Standard error of Φ above which the fit is refused [rad]. Chosen: ten full loops."""
 
@@ -282,7 +276,7 @@ def is_folded(route: Route) -> bool:
     It may also go straight on there and lose the points, whose residuals along the route are then large.
     """
     tangent = route.tangent
-    if np.einsum("ij,ij->i", tangent[1:], tangent[:-1]).min() < AGREEMENT.fold_cosine:
+    if np.einsum("ij,ij->i", tangent[1:], tangent[:-1]).min() < 0.0:
         return True
     residual = route.residual[route.weight > 0.0]
     spacing = float(route.s[-1]) / len(route.weight)
@@ -291,7 +285,7 @@ def is_folded(route: Route) -> bool:
 
 def is_off(squares: float, points: int, spacing: float, noise: float) -> bool:
     """Whether points are off a route by more than their spacing and noise [m], by the sum of squares [m²]."""
-    return squares > points * (spacing**2 + (AGREEMENT.residual * noise) ** 2)
+    return squares > points * (spacing**2 + (CHANCE.clear * noise) ** 2)
 
 
 def refuse_folded(route: Route) -> None:
@@ -326,7 +320,7 @@ def refuse_lost(fit: RouteFit, points: Points) -> None:
     chord = math.hypot(length / len(points), math.sqrt(6.0) * fit.noise)
     too_long = path > AGREEMENT.longest_path * len(points) * chord
     lost = ignored > AGREEMENT.most_ignored * len(points) or too_long
-    if lost or length > AGREEMENT.longest_detour * path:
+    if lost or length > STATIONS.refusal * path:
         raise FitError(
             f"no route fits the points, {ignored} of {len(points)} lie off it: sense it more densely where "
             "it turns sharply, and check for points out of order"
@@ -349,5 +343,5 @@ def turns_unobserved(points: Points, weight: Vector, stations: Vector, turned: V
         Arc length [m] and accumulated angle [rad] of the route at the points.
     """
     length = stations[-1] - stations[0]
-    detour = length > AGREEMENT.longest_detour * core.path_length(points, weight)[1]
+    detour = length > STATIONS.refusal * core.path_length(points, weight)[1]
     return bool(detour or np.diff(turned[weight > 0.0]).max() > CHAIN_FIT.most_turn_unobserved)

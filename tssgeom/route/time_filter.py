@@ -16,7 +16,9 @@ import numpy as np
 
 from tssgeom import core
 from tssgeom.arrays import Matrix, Points, Vector, read_only
-from tssgeom.route.directions import listed
+from tssgeom.core.constants import CHANCE, ROUNDING
+from tssgeom.core.constants_route import OUTLIERS
+from tssgeom.route.directions import NOISE_PRIOR, listed
 from tssgeom.route.observations import MIN_POINTS
 
 
@@ -24,37 +26,23 @@ from tssgeom.route.observations import MIN_POINTS
 class FilterLimits:
     """When a filter begins anew, and which points it leaves out."""
 
-    shortest_step: float = 0.01
-    """The same below which the first interval was no usual one, and the filter begins anew [1]. Chosen."""
     least_step: float = 0.1
     """Time that passes at least between two frames, and one over that after which the filter begins anew
     [usual steps]. Chosen: frames may come in bursts."""
-    first_values: float = 4.0
-    """Values for which the noise of the first fit counts [1]. Chosen: the fit may be far off."""
-    least_noise: float = 1e-9
-    """Noise below which there is none [m]. Chosen: below any sensor, above rounding."""
     most_over_spatial: float = 4.0
     """Variance in time over that in one frame, which shows all noise of single points [1]. Chosen."""
-    outlier: float = 100.0
-    """Squared distance from where a point was expected from which it may be an outlier [noise²]. Chosen: ten
-    standard deviations."""
-    outlier_over_median: float = 30.0
-    """The same over the median of all points, and over both neighbours [1]. Chosen: when all move, none is an
-    outlier."""
-    most_outliers: float = 0.2
-    """Share of the points that may be outliers [1]. Chosen: where there are more, the route moved."""
     patience: int = 5
     """Frames in a row after which a point that leapt alone, or comes back, is used [1]. Chosen."""
     constant_share: float = 0.2
     """Least share of a stated variance that counts as constant in time [1]. Chosen: what changes is known to
     some 10 % after a few frames."""
-    most_leaps: int = 8
-    """Points that may be outliers or exchanged at once [1]. Chosen: where there are more, the route moved."""
     exchanged: float = 0.1
     """Squared distances of two points that are exchanged over those as they came [1]. Chosen."""
 
 
 FILTER = FilterLimits()
+_FAR = CHANCE.never**2  # squared, over noise², the median of all and neighbours: when all move, none leapt
+_EXCHANGE = 2  # points
 _MOTIONS = 7  # of core/time_filter.c
 _CALM = 4  # of them, those that average over frames
 
@@ -102,8 +90,8 @@ def begun(points: Points, noise: float, time: float) -> PointFilter | None:
     memory[:_MOTIONS], memory[2 * _MOTIONS :] = filled, points
     covariance = np.zeros((_MOTIONS, 3))
     covariance[:, 0], covariance[1:, 2] = 1.0, 1.0
-    noise = max(noise, FILTER.least_noise)
-    counts = FILTER.first_values * np.array([1.0, noise**2, 1.0, noise**2, 0.0])
+    noise = max(noise, ROUNDING.relative * float(np.abs(filled).max()))
+    counts = NOISE_PRIOR.values * np.array([1.0, noise**2, 1.0, noise**2, 0.0])
     probability = np.full(_MOTIONS, 1.0 / _MOTIONS)
     missing = np.where(observed, 0.0, FILTER.patience)
     return PointFilter(
@@ -133,7 +121,7 @@ def filtered(before: PointFilter, points: Points, noise: float, time: float) -> 
     passed = time - before.time
     interval = before.interval or (passed if passed > 0.0 else 1.0)
     step = passed / interval if passed > 0.0 else 1.0
-    if not FILTER.shortest_step <= step <= 1.0 / FILTER.least_step:
+    if step > 1.0 / FILTER.least_step:
         return None
     step = max(step, FILTER.least_step)
     last = before.memory[2 * _MOTIONS]
@@ -142,7 +130,7 @@ def filtered(before: PointFilter, points: Points, noise: float, time: float) -> 
     most = FILTER.most_over_spatial * (noise * before.sensed_noise / before.noise) ** 2
     before = before._replace(time=time, interval=interval, warnings=())
     after, distance = _advanced(before, points, step, most)
-    back = np.flatnonzero((before.outlying >= FILTER.patience) & (distance > FILTER.outlier))
+    back = np.flatnonzero((before.outlying >= FILTER.patience) & (distance > _FAR))
     if len(back):
         before = _begun_anew(before, points, back)
         after, distance = _advanced(before, points, step, most)
@@ -150,7 +138,7 @@ def filtered(before: PointFilter, points: Points, noise: float, time: float) -> 
         return None
     leapt = _leapt(distance)
     calm = before.probability[:_CALM].sum() > 0.5  # else nothing is known of where a point should be
-    if not (calm and 0 < len(leapt) <= FILTER.most_leaps):
+    if not (calm and 0 < len(leapt) <= max(_EXCHANGE, OUTLIERS.share * len(points))):  # else the route moved
         return after
     expected = np.tensordot(before.probability, _positions(before) + step * _velocities(before), 1)
     points, swapped = _put_back(points, expected, leapt)
@@ -221,7 +209,7 @@ def _passed(points: Sequence[Points], times: Sequence[float], noise: float) -> l
 
 def _combined(before: PointFilter, later_on: PointFilter, sensed: Points) -> PointFilter:
     """Combine the estimate by this frame and those before it with that by this and those after it."""
-    own, after = (1.0 / max(each.noise, FILTER.least_noise) ** 2 for each in (before, later_on))
+    own, after = (1.0 / each.noise**2 for each in (before, later_on))
     variance = before.sensed_noise**2
     later = after - 1.0 / variance  # both hold this frame
     if later <= 0.0:
@@ -274,10 +262,9 @@ def _velocities(of: PointFilter) -> np.ndarray:
 
 def _leapt(distance: Vector) -> np.ndarray:
     """Points that are far from where they were expected while most are not."""
-    if distance.max() <= FILTER.outlier:
+    if distance.max() <= _FAR:
         return np.empty(0, dtype=np.int64)
-    limit = max(FILTER.outlier, FILTER.outlier_over_median * core.median(distance))
-    return np.flatnonzero(distance > limit)
+    return np.flatnonzero(distance > _FAR * max(1.0, core.median(distance)))
 
 
 def _alone(leapt: np.ndarray, distance: Vector, missing: Vector) -> np.ndarray:
@@ -285,8 +272,7 @@ def _alone(leapt: np.ndarray, distance: Vector, missing: Vector) -> np.ndarray:
     inside = leapt[(leapt > 0) & (leapt < len(distance) - 1)]
     beside = np.where(missing > 0.0, np.inf, distance)
     nearest = np.maximum(beside[inside - 1], beside[inside + 1])
-    alone = inside[distance[inside] > FILTER.outlier_over_median * nearest]
-    return alone if len(alone) <= max(1.0, FILTER.most_outliers * len(distance)) else alone[:0]
+    return inside[distance[inside] > _FAR * nearest]
 
 
 def _put_back(points: Points, expected: Points, leapt: np.ndarray) -> tuple[Points, np.ndarray]:

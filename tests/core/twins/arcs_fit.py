@@ -8,8 +8,8 @@ import numpy as np
 from tests.core.twins.arcs_equations import normal_equations
 from tests.core.twins.arcs_moments import joint_frames
 from tssgeom.core.constants import CHANCE, MEDIANS, ROUNDING
-from tssgeom.core.constants_arcs import CHAIN_FIT, CHAIN_TRACKING
-from tssgeom.core.constants_route import OUTLIERS, PASSES
+from tssgeom.core.constants_arcs import CHAIN_FIT
+from tssgeom.core.constants_route import OUTLIERS, PASSES, PRIOR
 from tssgeom.route.arcs.chain import criterion, first_joint_column, parameter_count, piece_length, value_count
 
 TwinChain = namedtuple("TwinChain", "start axes joints bend curved stations matrix cost square")
@@ -327,7 +327,7 @@ def outlier_limit(count, variance):
 
 def residual_variance(known, robust, spacing):
     """Return the variance by which residuals are judged: the greatest of three."""
-    return max(robust, known, (OUTLIERS.floor * spacing) ** 2)
+    return max(robust, known, (PRIOR.rounding * spacing) ** 2)
 
 
 def unfit(data, chain, variance):
@@ -339,6 +339,6 @@ def unfit(data, chain, variance):
     if data.variance > 0.0:
         return not chain.cost < most * data.variance * freedom
     usual = max(variance, (ROUNDING.relative * data.spacing) ** 2) * freedom
-    least = (CHAIN_TRACKING.exact * data.spacing) ** 2 * freedom
-    quieter = CHAIN_TRACKING.quieter * max(chain.cost, least) < usual  # the last frame is no measure
+    least = (PRIOR.rounding * data.spacing) ** 2 * freedom
+    quieter = CHANCE.never**2 * max(chain.cost, least) < usual  # the last frame is no measure
     return quieter or not chain.cost < max(PASSES.warm_noise, 1.5 * most) * usual

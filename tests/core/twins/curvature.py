@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from tssgeom.core.constants import ROUNDING
 from tssgeom.core.constants_route import ANGLE_ERRORS as ERRORS
 
 _SINGULAR = 1e-13
@@ -46,7 +47,7 @@ def _profile(
     window = s[n - 1] / max(freedom, ERRORS.few_parameters)
     lost = ERRORS.lost * max(math.sqrt(highest) - ERRORS.typical_peak * math.sqrt(whole), 0.0) * window**2
     turn = phi[n - 1] / (len(station) - 1)
-    relative = shared_angle_error**2 + (ERRORS.natural_ends * turn**4 + ERRORS.rounding) ** 2
+    relative = shared_angle_error**2 + (ERRORS.natural_ends * turn**4 + ROUNDING.relative) ** 2
     relative += (ERRORS.sparse * _uneven_turns(s, phi, station) / max(phi[n - 1], 1e-300)) ** 2
     normal, slant = _sensitivity(bend, tangent, known)
     variance, _ = _angle_covariance(s, covariance, gain, normal, slant, np.array([0, n - 1]))

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from tests.core.twins.statistics import median
+from tssgeom.core.constants import CHANCE
 from tssgeom.core.constants_route import RAW as LIMITS
 
 _NONE = -1
@@ -68,7 +69,7 @@ def _worst_inside(p: np.ndarray, spacing: float) -> int:
         square = min(square, _off_line(p[i], after, 2.0, farther, -1.0, farther, after))
         size[i - 2] = max(math.sqrt(square), _backwards(before, p[i], after))
     most = int(np.argmax(size))
-    return most + 2 if size[most] > max(LIMITS.off_curve * median(size), spacing) else -1
+    return most + 2 if size[most] > max(CHANCE.never * median(size), spacing) else -1
 
 
 def _any_off_middle(p: np.ndarray, spacing: float) -> bool:
@@ -109,7 +110,7 @@ def _backwards(before: np.ndarray, here: np.ndarray, after: np.ndarray) -> float
 def _worst_of_end(p: np.ndarray, spacing: float, typical: float) -> int:
     """Return which of the first three points keeps the others from lying on a parabola, or -1."""
     whole = _off_parabola(p[:5], _NONE)
-    if whole > max(LIMITS.off_curve * typical, LIMITS.end_off_curve * spacing):
+    if whole > max(CHANCE.never * typical, LIMITS.end_off_curve * spacing):
         best, least = -1, LIMITS.end_improvement * whole
         for i in range(3):
             off = _off_parabola(p, i)

@@ -313,7 +313,7 @@ def best_ratio(
     middle = _criterion(model, variance, tangents, x)
     right = _criterion(model, variance, tangents, x + width)
     while True:
-        for _ in range(SEARCH.steps):
+        while True:
             if left < middle and left <= right and x > SEARCH.least:
                 x -= width
                 left, middle, right = _criterion(model, variance, tangents, x - width), left, middle

@@ -16,6 +16,7 @@ from tests.core.twins.spline_filter import (
     update_mean_by_tangent,
 )
 from tests.core.twins.statistics import isotonic_regression
+from tssgeom.core.constants import ROUNDING
 from tssgeom.core.constants_route import PRIOR
 from tssgeom.route.spline.problem import FilterModel
 
@@ -303,13 +304,13 @@ def prior_along_curve(
         [
             PRIOR.vague * covariance[0, 0] / ratio,
             PRIOR.vague * covariance[0, 4] / ratio,
-            (PRIOR.least_bend + 0.5 * bends) / noise,
-            (PRIOR.least_bend + 0.5 * rates) / noise,
+            (ROUNDING.relative**2 + 0.5 * bends) / noise,
+            (ROUNDING.relative**2 + 0.5 * rates) / noise,
         ]
     )
     if known:
         return u, coupling, ends, tangent
-    feet = isotonic_regression(feet, np.maximum(weight, PRIOR.least_weight))
+    feet = isotonic_regression(feet, np.maximum(weight, ROUNDING.relative))
     first = feet[0]
     for i in range(n):
         feet[i] += PRIOR.rounding * i - first

@@ -1,5 +1,7 @@
 """The filter in time in plain numpy: one matrix for all motions, a cosine transform for the smooth part."""
 
+import sys
+
 import numpy as np
 from scipy.fft import dct
 
@@ -68,7 +70,7 @@ def filter_in_time(memory, probability, covariance, noise, points, step, most_va
     squares = (smooth_part(innovation) ** 2).sum(axis=(1, 2))
     evidence = np.log(predicted) - 0.5 * values * np.log(expected)
     evidence -= 0.5 * (joint[0] + values) * np.log(joint[1] + squares / expected)
-    after = np.maximum(np.exp(evidence - evidence.max()), TIME_FILTER.least)
+    after = np.maximum(np.exp(evidence - evidence.max()), sys.float_info.min)
     after /= after.sum()
     x = x + (xx / expected)[:, None, None] * innovation
     v = v + (xv / expected)[:, None, None] * innovation

@@ -3,31 +3,15 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
 from tssgeom import core
 from tssgeom.arrays import Points
-from tssgeom.core.constants_arcs import CHAIN_FIT, CHAIN_MOVES
+from tssgeom.core.constants import CHANCE
+from tssgeom.core.constants_arcs import CHAIN_FIT, CHAIN_MOVES, IDENTIFIABLE
 from tssgeom.route.arcs.chain import Chain, Data, unfitted
 from tssgeom.route.route import Route
-
-
-class CornerSearch(NamedTuple):
-    """Which points are corners of a route of straight pieces."""
-
-    off: float = 5.0
-    """Distance of a point from the line between two corners that makes it one [standard deviations];
-    chosen."""
-    most: int = 200
-    """Most corners that are searched, neighbours apart, so that the work is linear in the points [1]; chosen:
-    ten of each that a chain can have."""
-    fewest: int = 3
-    """Fewest spacings of a straight piece: nearer corners are one [1]; chosen."""
-
-
-CORNERS = CornerSearch()
 
 
 def cornered(data: Data, route: Route) -> tuple[Data, Chain] | None:
@@ -51,13 +35,15 @@ def cornered(data: Data, route: Route) -> tuple[Data, Chain] | None:
     (Ramer, 1972; Douglas and Peucker, 1973).
     """
     points = data.points
-    off = max(CORNERS.off * route.noise, 0.5 * data.spacing)
-    count, kept = core.corners(points, off, CORNERS.most)
-    if count > CORNERS.most:
+    off = max(CHANCE.never * route.noise, 0.5 * data.spacing)
+    # all that a chain can have, and the points beside them, so that the work is linear in the points
+    most = round(CHAIN_MOVES.most_pieces * IDENTIFIABLE.few_points)
+    count, kept = core.corners(points, off, most)
+    if count > most:
         return None
     at = _merged(np.flatnonzero(kept))
     few, many = len(at) < 3, 2 * len(at) - 3 > CHAIN_MOVES.most_pieces
-    if few or many or np.min(np.diff(at)) < CORNERS.fewest:
+    if few or many or np.min(np.diff(at)) < IDENTIFIABLE.few_points:
         return None
     leg = np.diff(points[at], axis=0)
     size = np.linalg.norm(leg, axis=1)
@@ -85,7 +71,7 @@ def _along(points: Points, at: np.ndarray, leg: Points, size: np.ndarray) -> np.
 
 def _merged(at: np.ndarray) -> np.ndarray:
     """Return indices of corners, neighbouring ones merged; both ends stay."""
-    cut = np.flatnonzero(np.diff(at[1:-1]) > CORNERS.fewest) + 1
+    cut = np.flatnonzero(np.diff(at[1:-1]) > IDENTIFIABLE.few_points) + 1
     inner = [round(float(np.mean(group))) for group in np.split(at[1:-1], cut) if len(group)]
     return np.array([at[0], *inner, at[-1]])
 

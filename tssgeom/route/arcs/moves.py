@@ -95,7 +95,7 @@ def simpler_tried(data: Data, chain: Chain, unlikely: slice = _ALL) -> Iterator[
     """
     promised = _simplifications(data, chain)
     yield Trial(work_of_promises(data, chain), None)
-    now, latest = criterion(data, chain), information_price(CHAIN_MOVES.latest, value_count(data))
+    now, latest = criterion(data, chain), information_price(CHAIN_MOVES.joint_parameters, value_count(data))
     promise = np.array([each[0] for each in promised])
     order = [i for i in np.argsort(promise)[: CHAIN_MOVES.trials].tolist() if promise[i] < latest]
     for i in _tried(order, [bool(promise[i] < 0.0) for i in order], unlikely):

@@ -7,7 +7,7 @@ import numpy as np
 from tssgeom import core
 from tssgeom.arrays import Points, Vector
 from tssgeom.core.constants import ROUNDING
-from tssgeom.core.constants_route import OUTLIERS
+from tssgeom.core.constants_route import OUTLIERS, PASSES
 from tssgeom.route.arcs.chain import (
     Chain,
     Data,
@@ -44,7 +44,7 @@ def outlier_weights(data: Data, chain: Chain, variance: float = 0.0) -> Vector |
 def without_outliers(data: Data, chain: Chain) -> tuple[Data, Chain]:
     """Weight the points by the chain and fit it again, until no weight changes."""
     budget = Budget(data)
-    for _ in range(OUTLIERS.rounds):
+    for _ in range(PASSES.most):
         weight = outlier_weights(data, chain)
         if weight is None:
             break
@@ -102,7 +102,7 @@ def refitted_with_tangents(data: Data, chain: Chain, budget: Budget) -> tuple[Da
     """Fit again without outlying directions, and with weights that follow the noise of the points."""
     if data.tangents is None:
         return data, chain
-    for _ in range(OUTLIERS.rounds):
+    for _ in range(PASSES.most):
         changed = _weighted_by_noise(without_outlying_tangents(data, chain), chain)
         if changed is data:
             break

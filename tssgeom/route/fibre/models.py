@@ -17,7 +17,8 @@ import numpy as np
 
 from tssgeom import core
 from tssgeom.arrays import Matrix, Points, Vector, rows_at
-from tssgeom.core.constants import ROUNDING
+from tssgeom.core.constants import CHANCE, ROUNDING
+from tssgeom.core.constants_route import NODES
 from tssgeom.route.model_choice import NOISE_PRIOR
 
 
@@ -58,14 +59,10 @@ class Effort:
     """Step of the logarithm of the noise that is fine enough [standard errors]."""
     near_step: float = 1.5
     """Distance from the noise of the last frame to the levels on both sides [standard errors]."""
-    farthest: float = 3.0
-    """Greatest change of the noise from frame to frame that needs no grid [standard errors]."""
     most_ratio: float = 2.0
     """Greatest change of its standard error that needs none, as a factor [1]."""
     draws: int = 256
     """Draws of the curvature."""
-    intervals: int = 100
-    """Fewest intervals between the nodes of a draw."""
     seed: int = 36
     """Of their random numbers."""
 
@@ -235,7 +232,7 @@ def _near(sensed: Sensed, kinds: Kinds, last: LastNoise) -> Noises | None:
         return None
     slope, deviation = 0.5 * (above - below), step / math.sqrt(-bend)
     ratio, off = deviation / last.relative_se, -step * slope / bend
-    if max(ratio, 1.0 / ratio) > EFFORT.most_ratio or abs(off) > EFFORT.farthest * last.relative_se:
+    if max(ratio, 1.0 / ratio) > EFFORT.most_ratio or abs(off) > CHANCE.clear * last.relative_se:
         return None
     level = np.exp(middle + off + deviation * math.sqrt(3.0) * np.array([-1.0, 0.0, 1.0]))
     log_evidence = at - 0.5 * slope**2 / bend + math.log(deviation * math.sqrt(2.0 * math.pi))
@@ -270,7 +267,7 @@ def sampled(sensed: Sensed, kinds: Kinds, of: Noises) -> Draws:
     angle.
     """
     intervals = len(sensed.s) - 1
-    each = max(2, -(-EFFORT.intervals // intervals))
+    each = max(2, -(-NODES.fewest // intervals))
     s = rows_at(np.arange(each * intervals + 1) / each, np.arange(intervals + 1.0), sensed.s[:, None])[:, 0]
     uniform, normal = _random_numbers(EFFORT.draws, len(sensed.s))
     strongest = sensed.bend[np.argmax(np.linalg.norm(sensed.bend, axis=1))]

@@ -11,6 +11,7 @@ import numpy as np
 from tssgeom import core
 from tssgeom.arrays import Points, read_only, rows_at
 from tssgeom.core.constants import CHANCE
+from tssgeom.core.constants_route import OUTLIERS, SPACING
 from tssgeom.route.observations import Shape
 from tssgeom.route.route import Route
 from tssgeom.route.spline.problem import Problem, Solution
@@ -19,17 +20,11 @@ from tssgeom.route.spline.problem import Problem, Solution
 class SharedErrors(NamedTuple):
     """When neighbouring points share their errors, as in centre lines traced in images, and what is done."""
 
-    close: float = 0.25
-    """Distance of neighbours that are close, of the median [1]; chosen."""
-    many: float = 0.08
-    """Share of close neighbours that no even sensor has [1]; chosen."""
     quiet: float = 0.01
     """Noise of the median distance [1], below which neighbours are close because the route bends; chosen."""
     correlation: float = -3.5
     """Autocorrelation of the innovations below which errors are not white [standard deviations]; chosen:
     white ones stay above -3."""
-    correlation_of_cells: float = -4.0
-    """The same for points merged into cells [standard deviations]; chosen."""
     lags: tuple[int, ...] = (1, 2, 3)
     """Lags at which it is taken [points]; chosen."""
     growth: float = 2.0**0.5
@@ -49,7 +44,9 @@ def clustered(points: Points, noise: float) -> bool:
     """
     steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
     usual = np.median(steps)
-    return bool(noise > SHARED.quiet * usual and np.mean(steps < SHARED.close * usual) > SHARED.many)
+    return bool(
+        noise > SHARED.quiet * usual and np.mean(SPACING.most_over_crowd * steps < usual) > OUTLIERS.share
+    )
 
 
 def correlation_of_innovations(problem: Problem, solution: Solution) -> float:

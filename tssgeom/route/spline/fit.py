@@ -171,7 +171,7 @@ def _fit_cells(shape: Shape, spline: Spline) -> Spline:
         if len(coarse.points) < SHARED.fewest_cells:
             return spline
         fitted, correlation = at_once(_fit_white(coarse, None))
-        if correlation() >= SHARED.correlation_of_cells:
+        if correlation() >= SHARED.correlation:
             break
         cell *= SHARED.growth
     finer, coarser = (_angle_in_cells(shape, cell * x) for x in (0.5**0.5, 2**0.5))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tssgeom.arrays import Matrix, Points, Vector
+from tssgeom.core.constants import ROUNDING
 from tssgeom.core.constants_route import OUTLIERS
 from tssgeom.route.outliers import outlier_limit
 from tssgeom.route.route import across
@@ -16,8 +17,8 @@ def leaves_out_a_stretch(weight: Vector) -> bool:
     if len(used) < 2:
         return True
     at_end, within = max(used[0], len(weight) - 1 - used[-1]), int(np.diff(used).max()) - 1
-    most_within = max(2 * OUTLIERS.run_at_end, OUTLIERS.share * len(weight))
-    return bool(at_end > OUTLIERS.run_at_end or within > most_within)
+    most_within = max(2 * OUTLIERS.longest_run, OUTLIERS.share * len(weight))
+    return bool(at_end > OUTLIERS.longest_run or within > most_within)
 
 
 def outlying_tangent(tangents: Points, variance: Vector, u: Vector, mean: Matrix, spread: Vector) -> int:
@@ -39,7 +40,7 @@ def outlying_tangent(tangents: Points, variance: Vector, u: Vector, mean: Matrix
     turn = OUTLIERS.turn_share * float(np.max(bend * np.gradient(u)))
     cosine = np.einsum("ij,ij->i", tangents[used], fitted[used])
     off = np.where(cosine > 0.0, np.maximum(1.0 - cosine**2, 0.0), 4.0)
-    own = np.maximum(1.0 - spread[used] / variance[used], OUTLIERS.least_own)
+    own = np.maximum(1.0 - spread[used] / variance[used], ROUNDING.exact)
     over_limit = off / (variance[used] * own * outlier_limit(len(used), 1.0))  # docs/model.md (29)
     over_limit = np.where(np.sqrt(off) / own > turn, over_limit, 0.0)
     worst = int(np.argmax(over_limit))

@@ -9,7 +9,7 @@ import numpy as np
 
 from tssgeom import core
 from tssgeom.arrays import Matrix, Points, Vector
-from tssgeom.core.constants_route import OUTLIERS, PASSES, PRIOR
+from tssgeom.core.constants_route import PASSES, PRIOR
 from tssgeom.errors import FitError
 from tssgeom.route.observations import Shape
 from tssgeom.route.route import summed
@@ -82,25 +82,13 @@ def warmed(shape: Shape, noise: float | None, last: LastPass) -> tuple[Problem, 
     problem = next_pass(before, last, stations)
     problem.model.start[:, 0] = y[0]
     problem = problem._replace(model=problem.model._replace(y=y))
-    solution = _solution_nearby(problem, last.ratio)
-    if solution is None:
-        return None
+    solution = solve(problem, last.ratio)
     change = solution.variance / max(last.ratio * last.intensity, 1e-300)
     if not 1.0 / PASSES.warm_noise < change < PASSES.warm_noise:
         return None
     count, _ = _outlying_points(problem, solution)
     good = not count and last.weight.min() > 0.0 and _outlying_tangent(problem, solution) < 0
     return (problem, solution) if good else None
-
-
-def _solution_nearby(problem: Problem, ratio: float) -> Solution | None:
-    """Solution with λ searched from its last value, or None where a few searches do not suffice."""
-    for _ in range(PASSES.warm_searches):
-        solution = solve(problem, ratio)
-        if abs(math.log(solution.ratio / ratio)) <= PASSES.warm_ratio:
-            return solution
-        ratio = solution.ratio
-    return None
 
 
 def _first(shape: Shape, spacing: float, noise: float | None) -> tuple[Problem, Solution]:
@@ -163,7 +151,7 @@ def _vague(y: Points, variance: float) -> tuple[Matrix, Vector, float]:
 def _without_outliers(problem: Problem, solution: Solution) -> tuple[Problem, Solution]:
     """Fit again without directions and points that their neighbours' curve does not explain."""
     problem, solution = _without_outlying_tangents(problem, solution)
-    for _ in range(OUTLIERS.rounds):
+    for _ in range(PASSES.most):
         count, outlier = _outlying_points(problem, solution)
         if not count:
             break
@@ -188,7 +176,7 @@ def _outlying_points(problem: Problem, solution: Solution) -> tuple[int, np.ndar
 def _without_outlying_tangents(problem: Problem, solution: Solution) -> tuple[Problem, Solution]:
     """Fit again without directions that the curve through all else does not explain, one at a time."""
     sensed = problem.tangents
-    for _ in range(OUTLIERS.rounds):
+    for _ in range(PASSES.most):
         worst = _outlying_tangent(problem, solution)
         if worst < 0 or not may_drop_tangent(problem.tangents, sensed):
             break
