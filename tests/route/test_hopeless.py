@@ -6,11 +6,12 @@ from time import process_time
 import numpy as np
 import pytest
 
+from tssgeom import core
 from tssgeom.core.constants_arcs import CHAIN_MOVES
 from tssgeom.errors import FitError
 from tssgeom.route import geometry
 from tssgeom.route.arcs import moves
-from tssgeom.route.arcs.chain import along, fit_fixed_pieces
+from tssgeom.route.arcs.chain import along, fit_fixed_pieces, work_of_evaluation
 from tssgeom.route.geometry import chain_data, first_chain, measure, spline_fit
 from tssgeom.route.observations import clean
 from tssgeom.route.spline.fit import fit
@@ -126,3 +127,20 @@ def test_noise_that_is_stated_far_too_low_does_not_narrow_the_bars_of_a_chain():
         assert any("check the noise that is stated, 0.1 mm" in each for each in result.warnings)
         beyond += abs(result.arcs.total_angle - np.pi) > 1.96 * result.arcs.total_angle_se
     assert beyond <= 6  # of 40 at 5 %: more than 6 have a chance of 0.3 %
+
+
+def test_what_the_points_do_not_determine_is_dropped_within_the_budget(monkeypatch):
+    """With noise of twenty spacings a chain has many such pieces, and each is three fits."""
+    rng, angle = np.random.default_rng(0), np.linspace(0.0, np.pi, 4000)
+    exact = 0.5 / np.pi * np.column_stack((np.sin(angle), 1.0 - np.cos(angle), 0.0 * angle))
+    real, work = core.fit_pieces, []
+
+    def counted(parameters, points, *rest):
+        result = real(parameters, points, *rest)
+        work.append(result[1] * work_of_evaluation(len(points), parameters))
+        return result
+
+    monkeypatch.setattr(core, "fit_pieces", counted)
+    result = measure(clean(exact + 2.5e-3 * rng.standard_normal(exact.shape), 0.5 / np.pi * angle))
+    assert abs(result.arcs.total_angle - np.pi) < 3.0 * result.arcs.total_angle_se
+    assert sum(work) < 2.0 * CHAIN_MOVES.most_evaluations * (len(angle) + CHAIN_MOVES.work_of_any)

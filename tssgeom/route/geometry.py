@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from operator import itemgetter
@@ -167,6 +168,8 @@ def _measured(shape: Shape, noise: float | None, method: Method) -> RouteFit:
     sound = [one for one in tried if chain_follows(*one)]
     candidates = sound or (tried if method == "arcs" else [])
     if not candidates:
+        if method == "arcs":
+            raise FitError("no chain of arcs fits the points: take method auto, or check for outlying points")
         refuse_folded(spline.route)
         return averaged_over_models(smooth, smooth, [])
     scored = [(penalised_log_evidence_difference(*one, spline), *one) for one in candidates]
@@ -187,8 +190,8 @@ def _chains(data: Data, smooth: RouteFit, spline: Spline, *, required: bool) -> 
             chain = _competitive(given, chain, spline, budget)
         for one in () if chain is None else (fit_chain(given, chain, budget), chain):
             weighted, fitted = refitted_with_tangents(given, one, budget)
-            fitted, _ = identifiable(weighted, fitted)
-            yield weighted, fitted
+            with suppress(FitError):
+                yield weighted, identifiable(weighted, fitted, budget=budget)[0]
 
 
 def _first_guesses(data: Data, smooth: RouteFit) -> Iterator[tuple[Data, Chain]]:

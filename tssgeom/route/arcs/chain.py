@@ -124,6 +124,12 @@ def fit_fixed_pieces(data: Data, chain: Chain, *, restart: bool = False) -> Chai
     return _fitted(data, chain, math.inf, restart)[2]
 
 
+def fit_with_work(data: Data, chain: Chain) -> tuple[float, Chain]:
+    """Do as `fit_fixed_pieces`; return also the work [visits of a point]."""
+    _, evaluations, fitted = _fitted(data, chain, math.inf, False)
+    return evaluations * work_of_evaluation(len(data.points), len(fitted.matrix)), fitted
+
+
 class Trial(NamedTuple):
     """A candidate that was tried."""
 

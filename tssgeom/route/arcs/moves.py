@@ -17,7 +17,7 @@ from tssgeom.route.arcs.chain import (
     criterion,
     curvature_columns,
     fit_candidate,
-    fit_fixed_pieces,
+    fit_with_work,
     noise_variance,
     piece_length,
     value_count,
@@ -37,6 +37,11 @@ class Budget:
         points = len(data.points) + CHAIN_MOVES.work_of_any
         self.left: float = CHAIN_MOVES.most_evaluations * points
         """What is left of it [visits of a point]."""
+
+    @property
+    def spent(self) -> bool:
+        """Whether nothing is left."""
+        return self.left < 0.0
 
 
 def fit_chain(
@@ -68,9 +73,9 @@ def fit_chain_in_steps(
         for work, better in one_after_the_other(simpler_tried(data, best), finer_tried(data, best)):
             budget.left -= work
             yield work
-            if better is not None or budget.left < 0:
+            if better is not None or budget.spent:
                 break
-        if better is None or budget.left < 0:
+        if better is None or budget.spent:
             return better or best
         best = better
     return best
@@ -191,14 +196,15 @@ def _simplified(chain: Chain, kind: int, j: int) -> Chain:
     return candidate._replace(form=candidate.form[kept], curved=curved[kept[4:]])
 
 
-def without_piece(data: Data, chain: Chain, j: int) -> Chain:
+def without_piece(data: Data, chain: Chain, j: int, budget: Budget) -> Chain:
     """Return the chain without piece j, dropped or merged with a neighbour, whichever fits best."""
     ways = [(_DROPPED, j), (_MERGED, j), (_MERGED, j + 1)]
-    tried = [
-        fit_fixed_pieces(data, _simplified(chain, kind, i))
-        for kind, i in ways
-        if kind == _DROPPED or 0 < i < len(chain.bend)
-    ]
+    tried = list[Chain]()
+    for kind, i in ways:
+        if kind == _DROPPED or 0 < i < len(chain.bend):
+            work, fitted = fit_with_work(data, _simplified(chain, kind, i))
+            budget.left -= work
+            tried.append(fitted)
     return min(tried, key=lambda one: one.cost)
 
 

@@ -12,8 +12,9 @@ import numpy as np
 
 from tssgeom import core
 from tssgeom.arrays import Matrix, Vector, read_only
+from tssgeom.errors import FitError
 from tssgeom.route.arcs.chain import Chain, Data, along
-from tssgeom.route.arcs.moves import without_piece
+from tssgeom.route.arcs.moves import Budget, without_piece
 from tssgeom.route.curvature import CurvatureProfile
 from tssgeom.route.pieces import Arcs
 from tssgeom.route.route import Route, summed
@@ -59,11 +60,22 @@ def chain_pieces(data: Data, chain: Chain) -> ChainPieces:
     return pieces_of(*core.chain_pieces(*data.sensed, *chain[:5])[:5])
 
 
-def identifiable(data: Data, chain: Chain, pieces: ChainPieces | None = None) -> tuple[Chain, ChainPieces]:
-    """Drop pieces whose bend the points do not determine; returns also those that remain."""
+def identifiable(
+    data: Data, chain: Chain, pieces: ChainPieces | None = None, budget: Budget | None = None
+) -> tuple[Chain, ChainPieces]:
+    """Drop pieces whose bend the points do not determine; returns also those that remain.
+
+    Raises
+    ------
+    FitError
+        Where nothing is left of a budget, and of the pieces there are such still.
+    """
     pieces = pieces or chain_pieces(data, chain)
+    work = budget or Budget(data)
     while pieces.unidentifiable >= 0:
-        chain = without_piece(data, chain, pieces.unidentifiable)
+        if budget is not None and budget.spent:
+            raise FitError("the points do not determine the pieces of a chain of arcs")
+        chain = without_piece(data, chain, pieces.unidentifiable, work)
         pieces = chain_pieces(data, chain)
     return chain, pieces
 
