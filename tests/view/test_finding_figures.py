@@ -76,6 +76,23 @@ def test_residuals_are_measured_less_simulated_in_the_units_of_figures():
     np.testing.assert_allclose(lines(drawing, 2)["after"][:, 1], left, rtol=1e-12)
 
 
+def test_runs_side_by_side_have_their_span_of_time_and_are_called_held_out_once():
+    finding = worked_finding()
+    held = replace(finding.traces[-1], run="worn, held-out cycles", held_out=True)
+    (first, *_, last) = residual_figure(replace(finding, traces=(*finding.traces[:-1], held))).axes
+    spans = [text.get_text() for text in last.get_xticklabels(minor=True)]
+    assert spans == [f"0 to {np.ptp(trace.time):.3g} s" for trace in finding.traces]
+    assert [text.get_text() for text in first.texts][-1] == held.run
+
+
+def test_a_model_has_one_style_in_loops_and_residuals():
+    both = [draw(worked_finding()).axes[0].lines for draw in (transmission_figure, residual_figure)]
+    for when in ("before", "after"):
+        first, second = (next(one for one in every if one.get_label() == when) for every in both)
+        assert first.get_color() == second.get_color()
+        assert first.get_linestyle() == second.get_linestyle()
+
+
 def test_without_an_effect_only_one_model_is_drawn():
     assert set(lines(transmission_figure(worked_finding("none")))) == {"measured", "model"}
 
@@ -83,8 +100,11 @@ def test_without_an_effect_only_one_model_is_drawn():
 def test_the_heat_map_leaves_out_what_never_occurs_and_keeps_the_rest():
     finding = worked_finding()
     empty = np.hstack([finding.heat.power, np.full((len(finding.heat.rows), 1), np.nan)])
-    heat = replace(finding.heat, columns=(*finding.heat.columns, "hold 0.0–8.0 N"), power=empty)
-    axes = heat_figure(replace(finding, heat=heat)).axes[0]
+    columns = ("pull_to_release 1.5–5.2 N", *finding.heat.columns[1:], "hold 0.0–8.0 N")
+    heat = replace(finding.heat, columns=columns, power=empty)
+    axes, bar = heat_figure(replace(finding, heat=heat)).axes
+    assert axes.get_xticklabels()[0].get_text() == "pull to release 1.5–5.2 N"
+    assert bar.get_ylabel().endswith("[1]")
     assert len(axes.get_xticks()) == len(finding.heat.columns)
     assert axes.get_yticklabels()[0].get_text() == subscripts("T_in half_slow")
     assert len(axes.texts) == np.isfinite(finding.heat.power).sum()

@@ -51,7 +51,8 @@ def renamed(label: str) -> str:
     for name, displayed in CHANNELS.items():
         if label.startswith(name):
             return f"{displayed.symbol}{label.removeprefix(name)}"
-    return plain(label)
+    phase, space, tensions = label.partition(" ")
+    return f"{plain(phase)}{space}{tensions}"
 
 
 def parameters(effect: AnyEffect | RigNumber, estimates: Mapping[str, Estimate]) -> dict[str, str]:

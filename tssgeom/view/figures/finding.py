@@ -22,10 +22,10 @@ _ACROSS = ("tension_out_N", "elongation_m", "displacement_out_m", "tension_in_N"
 _MOST_PANELS = 2
 _MEASURED, _USUAL = 99.0, 80.0  # percentiles of residual and noise that its axis shows; chosen: no spikes
 _SIGMAS = 2.0
-_MOST_TIMED = 8  # runs whose middle has its time; chosen: more would touch on 170 mm
+_MOST_TIMED = 8  # runs whose span of time is written; chosen: more would touch on 170 mm
 _RUNS = "runs, one after the other; each from its beginning to its end"
 _STYLES: Mapping[str, Any] = {
-    "before": {"color": ORANGE, "linestyle": (0, (4, 1.5))},
+    "before": {"color": ORANGE},
     "after": {"color": BLUE},
 }
 
@@ -105,6 +105,7 @@ def residual_figure(finding: Finding) -> Figure:
         legend_below(drawing, rows[0])
         rows[-1].set_xlabel(_RUNS)
         _name_runs(rows[0], finding.traces)
+        drawing.align_ylabels(rows.tolist())
     return drawing
 
 
@@ -126,8 +127,9 @@ def draw_residual(axes: Axes, finding: Finding, name: str) -> Axes:
     axes.set_xlim(0, len(traces))
     axes.set_xticks(range(len(traces) + 1), [""] * (len(traces) + 1))
     if len(traces) <= _MOST_TIMED:
-        middles = [f"{0.5 * np.ptp(trace.time):.3g} s" for trace in traces]
-        axes.set_xticks([k + 0.5 for k in range(len(traces))], middles, minor=True)
+        spans = [f"0 to {np.ptp(trace.time):.3g} s" for trace in traces]
+        axes.set_xticks([k + 0.5 for k in range(len(traces))], spans, minor=True)
+        axes.tick_params(which="minor", length=0)
     axes.set_ylabel(f"Δ{reported.symbol} [{reported.unit}]")
     axes.set_xlabel(_RUNS)
     return axes
@@ -153,7 +155,8 @@ def _most(trace: Trace, name: str) -> float:
 
 def _name_runs(axes: Axes, traces: Sequence[Trace]) -> None:
     for k, trace in enumerate(traces):
-        text = f"{trace.run} (held out)" if trace.held_out else trace.run
+        said = not trace.held_out or "held-out" in trace.run  # a run of which some cycles are held out
+        text = trace.run if said else f"{trace.run} (held out)"
         axes.annotate(
             text,
             (k + 0.5, 1.0),

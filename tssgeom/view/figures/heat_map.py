@@ -36,7 +36,7 @@ def heat_figure(finding: Finding) -> Figure:
     used = np.flatnonzero(np.isfinite(heat.power).any(axis=0))
     power = heat.power[:, used]
     rows, columns = power.shape
-    with figure((PAGE, 1.3 + 0.21 * rows)) as drawing:
+    with figure((PAGE, 1.5 + 0.21 * rows)) as drawing:
         axes = drawing.subplots()
         axes.grid(visible=False)
         scale = LogNorm(1.0, float(np.clip(np.nanmax(power, initial=10.0), 10.0, _MOST)))
@@ -52,8 +52,10 @@ def heat_figure(finding: Finding) -> Figure:
             np.arange(columns) + 0.5, [words.renamed(heat.columns[k]) for k in used], rotation=35, ha="right"
         )
         axes.tick_params(length=0)
-        axes.set_title("Mean square of the residual over that of the sensors, before; 1 is noise alone")
+        axes.set_title("Measured less simulated, before: 1 is the noise of the sensors alone")
+        axes.set_xlabel("phase of the drive and T_in; empty: no samples")
         bar = drawing.colorbar(image, ax=axes, pad=0.01, fraction=0.04, format="%g")
+        bar.set_label("mean square over that of the sensors [1]")
         bar.solids.set(rasterized=False, edgecolor="face")  # pyright: ignore[reportOptionalMemberAccess]
     return drawing
 

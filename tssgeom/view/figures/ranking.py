@@ -39,7 +39,13 @@ def draw_ranking(axes: Axes, finding: Finding) -> Axes:
         bar = [each.evidence.threshold] * 2
         axes.plot(bar, [k - 0.45, k + 0.45], color=ORANGE, linewidth=1.6, label="_" if k else "threshold")
         end, style = (max(gains[k], 0.0), k), {"va": "center", "fontsize": 7.5}
-        axes.annotate(f"{gains[k]:.0f}", end, xytext=(3, 0), textcoords="offset points", **style)
+        axes.annotate(
+            f"{gains[k]:.0f}".replace("-", "\N{MINUS SIGN}"),
+            end,
+            xytext=(3, 0),
+            textcoords="offset points",
+            **style,
+        )
     axes.set_yticks(rows, [words.candidate(each) for each in candidates])
     axes.invert_yaxis()
     if max(map(abs, axes.get_xlim())) > _LINEAR:  # else a logarithm has no round numbers there

@@ -6,6 +6,7 @@ import html
 
 from tssgeom.identify.finding import Misfit
 from tssgeom.view import finding_wording as words
+from tssgeom.view.report.page import with_subscripts
 
 _CLEARLY = 0.05  # share of a change below which a number is neither better nor worse
 
@@ -30,7 +31,7 @@ _GROUPS = (("held_out", "held-out runs"), ("fitted", "fitted runs"))
 def _row(misfit: Misfit, name: str, groups: list[str], one: bool) -> str:
     quantity = words.channel(name)
     cells = [
-        f"<td>{html.escape(quantity.label)}</td>",
+        f"<td>{with_subscripts(html.escape(quantity.label))}</td>",
         f"<td>{quantity.factor * misfit.noise[name]:.3g}</td>",
     ]
     for runs in groups:
@@ -54,7 +55,8 @@ def _pair(before: float, after: float, *, one: bool) -> str:
 def phase_table(misfit: Misfit, *, one: bool) -> str:
     """Write the same by channel and phase, for the runs that judge."""
     rows = [
-        f"<tr><td>{html.escape(words.channel(name).label)}</td><td>{html.escape(words.plain(phase))}</td>"
+        f"<tr><td>{with_subscripts(html.escape(words.channel(name).label))}</td>"
+        f"<td>{html.escape(words.plain(phase))}</td>"
         + _pair(*(words.channel(name).factor * value for value in pair), one=one)
         + "</tr>"
         for name, phases in misfit.by_phase.items()
