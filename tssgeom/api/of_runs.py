@@ -215,7 +215,7 @@ def _of_followed(run: FollowedRun) -> Drawings:
     from tssgeom.view.figures.adapt import draw_followed_tension, draw_number
 
     numbers = {key: _with_legend(partial(draw_number, run=run, key=key)) for key in run.keys}
-    return {**numbers, "tension": partial(draw_followed_tension, run=run)}
+    return {**numbers, "tension": _with_legend(partial(draw_followed_tension, run=run))}
 
 
 def _followed(run: FollowedRun) -> Numbers:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from tssgeom.adapt.offline import FollowedRun
 from tssgeom.arrays import Vector
 from tssgeom.statistics import NORMAL_95
-from tssgeom.view.figures.plots import BLUE, ORANGE, PAGE, SKY, figure, legend_below, measured, note
+from tssgeom.view.figures.plots import BLUE, ORANGE, PAGE, SKY, figure, measured, note
 from tssgeom.view.quantities import quantity
 
 _BAND = "#c9dcea"
@@ -40,10 +41,20 @@ def followed_figure(run: FollowedRun, tension_out: Vector | None) -> Figure:
             axes.tick_params(labelbottom=axes is rows[-2])
         rows[-2].set_xlabel(f"time [{unit}]")
         _name_alerts(rows[0], run, per)
-        legend_below(drawing, rows[0])
         draw_followed_tension(rows[-1], run, tension_out)
+        drawing.legend(*_named_once(rows[0], rows[-1]), loc="outside lower center", ncols=4)
         drawing.align_ylabels(rows.tolist())
     return drawing
+
+
+def _named_once(*every: Axes) -> tuple[list[Artist], list[str]]:
+    """Return what a legend of several axes shows, and its names, each once."""
+    of = {
+        name: one
+        for axes in reversed(every)
+        for one, name in zip(*axes.get_legend_handles_labels(), strict=True)
+    }
+    return list(of.values()), list(of)
 
 
 def _unit_of_time(run: FollowedRun) -> tuple[str, float]:
@@ -80,15 +91,14 @@ def draw_followed_tension(axes: Axes, run: FollowedRun, read: Vector | None = No
     window = (run.time >= middle - _BEFORE) & (run.time <= middle + _AFTER)
     time, value = run.time[window], run.ends[window, 1]
     bound = NORMAL_95 * run.ends_se[window, 1]
-    axes.fill_between(time, value - bound, value + bound, color=_BAND, linewidth=0)
-    axes.plot(time, value, color=BLUE, linewidth=1.2, label="followed, with 95 % band")
+    axes.fill_between(time, value - bound, value + bound, color=_BAND, linewidth=0, label="95 % band")
+    axes.plot(time, value, color=SKY, linewidth=1.2, label="filtered")
     if read is not None:
         measured(axes, time, read[window])
     for alert in run.alerts:
         if len(time) and time[0] <= alert.since <= time[-1]:
             axes.axvline(alert.since, color=ORANGE, linewidth=1.0)
     axes.margins(x=0.0)
-    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.1)
     axes.set_ylabel("T_out\n[N]")
     axes.set_xlabel("time [s], about the first alert" if run.alerts else "time [s], the end of the run")
     return axes

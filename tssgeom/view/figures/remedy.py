@@ -32,16 +32,18 @@ def remedy_figure(tried: Sequence[Tried], tolerance: float | None, percentile: f
             gain,
             "pull, same T_out",
             (0.98 * beta[-1], 1e3 * tried[0].disturbed.pull),
+            xytext=(0, -2),
+            textcoords="offset points",
             ha="right",
-            va="bottom",
+            va="top",
         )
         _mark_tolerance(gain, tolerance, float(beta[-1]))
         out.plot(beta, [each.price.tension_out for each in tried], color=GREEN)
         own.plot(beta, [1e3 * each.price.own_elongation for each in tried], color=GREEN)
         gain.legend(loc="upper right", borderaxespad=0.0, bbox_to_anchor=(1.0, 0.9))
-        titles(gain, f"(a) Perturbed, percentile {percentile:g}", _ACROSS, "|Δδ| [mm]")
-        titles(out, "(b) Price: T_out, pulled", _ACROSS, "T_out [N]")
-        titles(own, "(c) Price: own elongation", _ACROSS, "added δ [mm]")
+        titles(gain, "(a) What unknown bends change", _ACROSS, f"|Δδ|, percentile {percentile:g} [mm]")
+        titles(out, "(b) Price: distal tension", _ACROSS, "T_out at the end of the pull [N]")
+        titles(own, "(c) Price: own elongation", _ACROSS, "δ of the added curve [mm]")
         for axes in (gain, out, own):
             axes.set_xlim(0, beta[-1])
             axes.set_xticks(np.arange(0, beta[-1] + 1, 360))
