@@ -53,9 +53,7 @@ def computed_figure(name: str, channels: Mapping[str, Vector], readings: Mapping
         every = drawing.subplots(len(rows), 1, sharex=True, squeeze=False)[:, 0]
         for axes, each in zip(every, rows.values(), strict=True):
             _draw_computed(axes, time, {name: channels[name] for name in each}, readings)
-        every[0].set_title(
-            f"{name}; circles: columns of the run" if {*readings} & {*channels} - {"time_s"} else name
-        )
+        every[0].set_title(name)
         every[-1].set_xlabel(TIME.title)
         drawing.align_ylabels(every)
     return drawing
@@ -65,15 +63,16 @@ def _draw_computed(
     axes: Axes, time: Vector, channels: Mapping[str, Vector], readings: Mapping[str, Vector]
 ) -> None:
     """Draw channels of one kind, such as the tensions of all tendons, and their readings as circles."""
-    several, lines = len(channels) > 1, []
+    several, read = len(channels) > 1, [name for name in channels if name in readings]
     for k, (name, values) in enumerate(channels.items()):
         of, colour = quantity(name), _COLOURS[k % len(_COLOURS)]
-        if name in readings:
-            measured(axes, time, of.factor * readings[name])
-        lines += axes.plot(time, of.factor * values, color=colour, linewidth=1.2, label=of.symbol)
+        if name in read:
+            label = "_" if name != read[0] else "of the run"  # measured, or a target
+            measured(axes, time, of.factor * readings[name], label=label)
+        axes.plot(time, of.factor * values, color=colour, linewidth=1.2, label=of.symbol)
         axes.set_ylabel(f"{of.symbol.partition(',')[0]} [{of.unit}]" if several else of.label)
-    if several:
-        axes.legend(handles=lines, loc="upper left", bbox_to_anchor=(1.0, 1.0))
+    if several or read:
+        axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
 
 
 def run_figure(fitted: MachineCalibration, which: int) -> Figure:

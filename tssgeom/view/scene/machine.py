@@ -27,7 +27,8 @@ _HAND = 48  # points of that circle; chosen
 _NODES = 121  # of the line of a tendon; chosen: no corner shows
 _SHARES = np.linspace(0.0, 1.0, _NODES)
 _PLOTS = {
-    "Tension [N] against time [s]": ("tension_",),
+    "Tension T_in [N] against time [s]": ("tension_in",),
+    "Tension T_out [N] against time [s]": ("tension_out",),
     "Angle [°] against time [s]": ("motor_angle", "joint_angle", "bending_"),
     "Torque [mN·m] against time [s]": ("motor_torque", "joint_torque"),
 }
@@ -80,7 +81,9 @@ def write_machine_recording(
         for title, stems in _PLOTS.items()
         if any(channel.startswith(stems) for channel in channels)
     ]
-    space = space_view(name, eye, ("tendon", "joint", "labels", "scale"))
+    space = space_view(
+        f"{name}: tendons coloured by tension [N]", eye, ("tendon", "joint", "labels", "scale")
+    )
     views = rrb.Horizontal(space, rrb.Vertical(*plots), column_shares=[3, 2])
     with recording_file(path, name, layout(views, time_panel())) as recording:
         sender = Sender(recording, time)
@@ -101,10 +104,11 @@ def _direction(line: Points) -> Vector:
     return way / float(np.linalg.norm(way))
 
 
-def _normal(way: Vector) -> Vector:
-    """Return the unit vector on the screen at a right angle to a direction there."""
-    across = np.array([way[1], -way[0]])
-    return across / max(float(np.linalg.norm(across)), 1e-9)
+def _beside(way: Vector, side: float, end: int) -> Vector:
+    """Return where the label of an end is on the screen: beside its line, or at 0 beyond it."""
+    along = way / max(float(np.linalg.norm(way)), 1e-9)
+    outward = -along if end == 0 else along
+    return side * np.array([along[1], -along[0]]) + (1.0 - abs(side)) * outward
 
 
 def _lines(routes: Sequence[RouteSamples], eye: Camera) -> list[Points]:
@@ -131,7 +135,8 @@ def _send_ends(sender: Sender, lines: Sequence[Points], eye: Camera, tension: np
     sides = np.linspace(-1.0, 1.0, len(lines)) if len(lines) > 1 else np.ones(1)
     anchors = [
         eye.label_anchor(
-            line[[end]], side * _LABEL * _normal(eye.axes[:2] @ _direction(line[:2] if end == 0 else line))
+            line[[end]],
+            _LABEL * _beside(eye.axes[:2] @ _direction(line[:2] if end == 0 else line), side, end),
         )
         for line, side in zip(lines, sides, strict=True)
         for end in (0, -1)
@@ -171,10 +176,9 @@ def _send_joint(
 
 
 def _send_series(sender: Sender, channels: Mapping[str, Vector]) -> None:
-    stems = tuple(stem for group in _PLOTS.values() for stem in group)
-    chosen = [name for name in channels if name.startswith(stems)]
-    for k, name in enumerate(chosen):
-        of = quantity(name)
-        style = rr.SeriesLines(names=of.label, colors=[colours.piece_rgb(k)], widths=[2.0])
-        sender.constant(f"series/{name}", style)
-        sender.send(f"series/{name}", rr.Scalars.columns(scalars=of.factor * channels[name]))
+    for stems in _PLOTS.values():
+        for k, name in enumerate(each for each in channels if each.startswith(stems)):
+            of = quantity(name)  # in every plot tendon 1 has the first colour
+            style = rr.SeriesLines(names=of.label, colors=[colours.piece_rgb(k)], widths=[2.0])
+            sender.constant(f"series/{name}", style)
+            sender.send(f"series/{name}", rr.Scalars.columns(scalars=of.factor * channels[name]))
