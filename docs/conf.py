@@ -72,6 +72,7 @@ sphinx_gallery_conf = {
     "show_signature": False,
     "write_computation_times": False,
     "reset_modules": ("matplotlib", "gallery_order.plain_figures"),
+    "ignore_repr_types": r"matplotlib\.",
 }
 
 html_theme = "pydata_sphinx_theme"

@@ -158,7 +158,8 @@ def course_figure(pieces: Sequence[CalibratedPiece]) -> Figure:
                 beyond = [value - [each.low for _, each in those], [each.high for _, each in those] - value]
                 axes.errorbar(middle, value, beyond, half, fmt="o", color=colour, markersize=3, label=label)
             unit = known[0][1].unit
-            titles(axes, "", "", key if unit == "1" else f"{key} [{unit}]")
+            titles(axes, "", "", f"{key}\n[{unit}]")
         legend_below(drawing, rows[0])
         rows[-1].set_xlabel("time [s]")
+        drawing.align_ylabels(rows.tolist())
     return drawing
