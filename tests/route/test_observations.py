@@ -1,9 +1,11 @@
 import numpy as np
 import pytest
 
+from tests.known_routes import Cell, draw
 from tssgeom import core
 from tssgeom.arrays import read_only
 from tssgeom.errors import ShapeError
+from tssgeom.route.geometry import measure
 from tssgeom.route.observations import clean, out_of_order
 from tssgeom.route.route import step_lengths
 from tssgeom.route.synthetic import half_circle, positions, setup_a
@@ -152,3 +154,14 @@ def test_points_that_pass_the_quick_bounds_pass_the_full_tests():
             assert not out_of_order(points)
             assert core.worst_outlier(points, np.median(step_lengths(points))) < 0
     assert 50 < passed < 250  # otherwise one of both sides would not be tried
+
+
+@pytest.mark.parametrize("noise", [5e-5, 1e-3])
+@pytest.mark.parametrize("method", ["auto", "spline"])
+def test_stations_that_go_farther_than_many_points_are_named(noise, method):
+    for route in ("half circle", "colon", "pieces"):
+        known = draw(Cell("stations", route, 100, noise), 0)
+        for scale in (1.0, 1.1):
+            fit = measure(clean(known.points, scale * known.station), noise, method)
+            named = any("the stations lie 10% farther apart" in each for each in fit.warnings)
+            assert named == (scale > 1.0)

@@ -38,7 +38,7 @@ from tssgeom.route.order import order_warning
 from tssgeom.route.pieces import Arcs, smooth_geometry
 from tssgeom.route.ratio_average import averaged
 from tssgeom.route.resolution import SharedErrors
-from tssgeom.route.route import Route, step_lengths
+from tssgeom.route.route import Route, step_lengths, stretched
 from tssgeom.route.route_fit import (
     Deferred,
     Nodes,
@@ -132,9 +132,16 @@ def _fitted(shape: Shape, noise: float | None, method: Method) -> RouteFit:
 
 
 def within_bounds(fit: RouteFit, shape: Shape) -> RouteFit:
-    """Return a fit, with a warning where it is shorter or turns less than the polygon through its points."""
+    """Return a fit, with a warning where it is shorter or turns less than the polygon through its points.
+
+    Many points also show where known stations lie farther apart than they: Φ would be too great as well.
+    """
     broken = polygon(shape.points, fit.weight).broken(fit.arcs.total_length, fit.arcs.total_angle, fit.noise)
-    return fit if broken is None else fit.warned(broken)
+    fit = fit if broken is None else fit.warned(broken)
+    if shape.stations is None or fit.spline is None or are_few(shape.points):
+        return fit
+    apart = stretched(fit.spline.route)
+    return fit if apart is None else fit.warned(apart)
 
 
 def checked(result: RouteFit, shape: Shape) -> RouteFit:

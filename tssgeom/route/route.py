@@ -121,3 +121,11 @@ def station_warnings(points: Points, known: Vector) -> tuple[str, ...]:
     if over > STATIONS.warning:
         return (f"the points lie {over - 1:.0%} farther apart than their stations: check both",)
     return ()
+
+
+def stretched(route: Route) -> str | None:
+    """Return a warning where stations lie farther apart than the route of many points goes along them."""
+    path, length = float(np.sum(step_lengths(route.position))), float(route.s[-1])
+    if length <= STATIONS.warning * path:
+        return None
+    return f"the stations lie {length / path - 1.0:.0%} farther apart than their points: check both"
