@@ -182,14 +182,14 @@ def test_a_broken_filter_or_one_of_other_numbers_is_refused(scenario):
     assert saved is not None
     plain = json.loads(json.dumps(filter_object(saved)))
     for key, value in (
-        ("members", plain["memory"]),
-        ("memory", plain["members"]),
+        ("members", plain["now"]["memory"]),
+        ("now", {**plain["now"], "memory": plain["members"]}),
         ("random", ["0", "zz"]),
         ("muted", ["load"]),
         ("time", 1e300),
         ("drives", {}),
         ("alert", {"channel": "a horse", "since": 1.0, "phase": "hold"}),
-        ("distal_error", {"shape": [2], "float64": "AAAAAAAA+H8AAAAAAAD4fw=="}),
+        ("committed", {"shape": [2], "float64": "AAAAAAAA+H8AAAAAAAD4fw=="}),
     ):
         with pytest.raises(SettingsError, match="is broken"):
             filter_of(plain | {key: value}, rig)

@@ -6,6 +6,7 @@ import pytest
 from tssgeom.adapt.smoothing import NumberHistory
 
 HOURLY = np.array([60.0, 30.0, 0.0])  # the last one is constant
+DRIFT = HOURLY**2 / 3600.0
 
 
 def problem(seed, steps):
@@ -49,9 +50,9 @@ def dense(times, rows, readings):
 @pytest.mark.parametrize("steps", [1, 2, 60, 123])
 def test_the_smoothed_walk_is_the_dense_gaussian_solution_however_few_moments_are_kept(most, steps):
     times, spans, rows, readings = problem(steps, steps)
-    history = NumberHistory(HOURLY, most)
+    history = NumberHistory(3, most)
     for known in kalman(times, spans, rows, readings):
-        history.take(*known)
+        history.take(*known, DRIFT)
     result, (mean, covariance) = history.smoothed(), dense(times, rows, readings)
     kept = np.searchsorted(times, result.time)
     assert np.array_equal(times[kept], result.time)
@@ -64,11 +65,11 @@ def test_the_smoothed_walk_is_the_dense_gaussian_solution_however_few_moments_ar
 
 def test_what_comes_after_a_cut_does_not_count():
     times, spans, rows, readings = problem(1, 50)
-    history, alone = NumberHistory(HOURLY), NumberHistory(HOURLY)
+    history, alone = NumberHistory(3), NumberHistory(3)
     for i, known in enumerate(kalman(times, spans, rows, readings)):
-        history.take(*known)
+        history.take(*known, DRIFT)
         if i < 30:
-            alone.take(*known)
+            alone.take(*known, DRIFT)
     history.cut(times[30])
     assert np.array_equal(history.smoothed().values, alone.smoothed().values)
     assert np.array_equal(history.smoothed().time, times[:30])
@@ -79,21 +80,23 @@ def test_what_comes_after_a_cut_does_not_count():
 def test_a_history_that_was_cut_goes_on():
     times, spans, rows, readings = problem(2, 50)
     known = list(kalman(times, spans, rows, readings))
-    history, plain = NumberHistory(HOURLY), NumberHistory(HOURLY)
+    history, plain = NumberHistory(3), NumberHistory(3)
     for one in known[:40]:
-        history.take(*one)
+        history.take(*one, DRIFT)
     history.cut(times[30])
     for one in known[30:]:
-        history.take(*one)
+        history.take(*one, DRIFT)
     for one in known:
-        plain.take(*one)
+        plain.take(*one, DRIFT)
     assert history.smoothed().values == pytest.approx(plain.smoothed().values, abs=1e-12)
 
 
 def test_a_number_without_spread_stays():
-    history = NumberHistory(np.array([0.0, 1.0]))
+    history = NumberHistory(2)
     for time in range(5):
-        history.take(float(time), np.array([2.0, float(time)]), np.diag([0.0, 1.0]))
+        history.take(
+            float(time), np.array([2.0, float(time)]), np.diag([0.0, 1.0]), np.array([0.0, 1.0]) / 3600.0
+        )
     result = history.smoothed()
     assert np.all(result.values[:, 0] == 2.0)
     assert np.all(result.se[:, 0] == 0.0)

@@ -1,7 +1,8 @@
-"""The true drive behind noisy readings, while it runs; docs/model.md (202).
+"""The true drive behind noisy readings of the last seconds, through which mechanisms are marched.
 
-Friction keeps every turn of the drive, those of its noise too: a few micrometres back take half a newton
-off T_in.
+Friction keeps every turn of the drive, those of its noise too: a few micrometres back take half a newton off
+T_in. Filters know a drive by `tssgeom.adapt.trailed_drive`; a march keeps no state behind the drive, so that
+this one goes only on; docs/model.md (202).
 """
 
 from __future__ import annotations
@@ -9,7 +10,6 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from tssgeom.arrays import Vector
 from tssgeom.core.constants import CHANCE
 
 
@@ -24,10 +24,6 @@ class DriveNoise(NamedTuple):
     slow: float = 0.3
     """Standard deviations that a drive moves from reading to reading below which the mean reading says
     more than the highest one [1]; chosen."""
-    alike: float = 10.0
-    """Readings of a slide that share an error [1]. Measured: their own errors are alike for two, but the turn
-    before moved the tendon too far: with 2, bars of friction and zeros are a quarter of their errors where
-    the drift is no faster than stated, and sound machines have alerts."""
 
 
 _NOISE = DriveNoise()
@@ -49,7 +45,6 @@ class DriveTracker:
         self._mean = 0.0
         self._step = 0.0
         self._stood = 0
-        self._in_leg = 0
         self.value = 0.0
 
     def take(self, reading: float) -> float:
@@ -58,7 +53,6 @@ class DriveTracker:
         if self._extreme is None or noise == 0.0:
             self._extreme = self._mean = self.value = reading
             return noise
-        self._in_leg += 1
         self._mean += _NOISE.memory * (reading - self._mean)
         beyond = self._way * (reading - self._extreme) / noise
         turned = self._way * (reading - self.value) < -CHANCE.never * noise
@@ -68,7 +62,7 @@ class DriveTracker:
             return noise * (_NOISE.overshoot if self._stood * _NOISE.memory > 1.0 else 1.0)
         self._extreme, self._stood = reading, 0
         if turned:
-            self._way, self._in_leg = -self._way, 0
+            self._way = -self._way
         way = self._way
         value = reading - way * noise * highest_of_noise(self._step)
         if self._step < _NOISE.slow and not turned:
@@ -76,23 +70,6 @@ class DriveTracker:
         if turned or way * (value - self.value) > 0.0:
             self.value = value
         return noise
-
-    moves = True
-    """Whether it moves on for sure: its turns are errors of its value here."""
-    share = 1.0
-    """Standard error of its value, over that of a reading [1]: the same."""
-
-    def effect(self, higher: Vector, lower: Vector) -> Vector:
-        """Return what an error of it does, from what the probes read beside it."""
-        return 0.5 * (higher - lower)
-
-    def repeated(self, slides: bool) -> float:
-        """Return how many readings share the error of this one [1].
-
-        The k-th reading of a hold counts as 1/k², all as less than two. Where the tendon does not slide
-        from end to end, the error of the last turn stays.
-        """
-        return max(1.0 + self._stood**2, _NOISE.alike if slides else 1.0 + self._in_leg)
 
 
 def highest_of_noise(step: float) -> float:

@@ -9,15 +9,15 @@ from __future__ import annotations
 import copy
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple, Self
 
 import numpy as np
 
 from tssgeom import core
-from tssgeom.adapt.drive import DriveTracker
+from tssgeom.adapt.drift_rate import DriftRate
 from tssgeom.adapt.followed import FollowedNumber, limits_of, with_numbers
-from tssgeom.adapt.readings import FollowedRig, mean_and_sd
+from tssgeom.adapt.readings import FollowedRig, mean_and_sd, mean_and_variance
 from tssgeom.adapt.trailed_drive import TrailedDrive
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.core.constants import CHANCE
@@ -35,9 +35,9 @@ class FilterSettings(NamedTuple):
     bent: float = 0.3
     """Share of its noise by which an error of the drive may bend a reading that is used [1]. Chosen: just
     behind a turn the tension is no straight line over the drive, and its mean would be biased."""
-    stands: float = 0.1
-    """Share of what an error of the drive did to T_out when it moved last, from which on the distal end moves
-    [1]. Chosen: behind a turn the distal bar still moves by a thousandth."""
+    felt: float = 0.01
+    """Share of its noise by which a drive has to move a reading that shows its turn [1]; chosen: less is
+    rounding."""
     straight: float = 2.0
     """Scales of a number after which its straight line is computed anew [1]. Chosen: friction is exact,
     (201)."""
@@ -86,16 +86,13 @@ class Ensemble(ABC):
         sd = np.array([one.sd for one in numbers])
         self.members = np.array([one.value for one in numbers]) + self._deviations(SETTINGS.members, sd, [])
         self.time = math.nan
+        self.drift = DriftRate(_stated(numbers))
         self.cut: Arcs
         """The route on which the tendons were cut."""
         self.muted = set[str]()
         """Channels whose readings are not used."""
         self.outlier = CHANCE.never
         self.waiting = 0.0
-        self.memory: Matrix = np.empty((0, 0))
-        """[members + probes, ...] What the tendons of each remember."""
-        self._distal_error: Matrix = np.empty((0, 0))
-        """[drives, distal ends] What the error of each drive did to what stands when it moved last."""
         self._noise_variance: Vector = np.empty(0)
 
     @property
@@ -116,7 +113,7 @@ class Ensemble(ABC):
         """Return a filter that goes on from here by itself."""
         other = copy.copy(self)
         for name, value in vars(self).items():
-            if isinstance(value, np.ndarray | set | np.random.Generator | dict):
+            if isinstance(value, np.ndarray | set | np.random.Generator | dict | DriftRate):
                 setattr(other, name, copy.deepcopy(value))
         return other
 
@@ -127,6 +124,7 @@ class Ensemble(ABC):
         value, sd = np.array([(one.value, one.sd) for one in more]).reshape(-1, 2).T
         spread = other._deviations(len(self.members), sd, self._known())
         other.members = np.hstack((self.members, value + spread))
+        other.drift = self.drift.with_more(_stated(more))
         other._bound()
         other._renew_lines()
         return other
@@ -136,6 +134,7 @@ class Ensemble(ABC):
         now = self.members.std(axis=0, ddof=1)
         missing = np.sqrt(np.maximum(sds**2 - now**2, 0.0))
         self.members = self.members + self._deviations(len(self.members), missing, self._known())
+        self.drift.restart()
         self._bound()
 
     def set_numbers(self, values: Mapping[str, float], sds: Mapping[str, float]) -> None:
@@ -145,6 +144,7 @@ class Ensemble(ABC):
         known = [*np.delete(self.members, chosen, axis=1).T, *self._tensions()]
         spread = self._deviations(len(self.members), np.array([sds[key] for key in keys]), known)
         self.members[:, chosen] = np.array([values[key] for key in keys]) + spread
+        self.drift.restart()
         self._bound()
         self._update_lines()
 
@@ -179,65 +179,72 @@ class Ensemble(ABC):
         predicted: Matrix,
         ends: Matrix,
         given: Vector,
-        trackers: Sequence[DriveTracker | TrailedDrive],
+        drives: Sequence[TrailedDrive],
+        read_behind: Callable[[int], Vector],
         *,
         bars: int,
-        pulls: Sequence[int] = (),
-        distal: Sequence[int] = (),
     ) -> Taken:
-        """Shift numbers and memories by what was read; docs/model.md (202), (203).
+        """Shift numbers and memories by what was read; docs/model.md (203), (220).
 
         Parameters
         ----------
         after
-            [members + probes, ...] Memories after the step.
+            [members, ...] What readings shift of what the members remember.
         predicted, ends
             What each channel should read [members + probes, c], and all else that a reading shifts.
         given
             [c] What was read; NaN is nothing.
-        trackers
+        drives
             The drives.
+        read_behind
+            What each channel should read of a member whose drive of this number has turned [c].
         bars
             Of each tendon.
-        pulls, distal
-            Columns of `ends`: tensions that show whether a drive moves the distal ends, and all that stands
-            where it does not.
         """
-        count, pairs = len(self.members), (len(trackers), PROBES, -1)
+        count, pairs = len(self.members), (len(drives), PROBES, -1)
         probes = predicted[count:].reshape(pairs) - predicted[0]
-        by_drive = np.array([one.effect(*each) for one, each in zip(trackers, probes, strict=True)])
-        ends_by_drive = np.abs(ends[count:] - ends[0]).reshape(pairs).max(axis=1)
-        bends = [np.abs(each.sum(axis=0)) for one, each in zip(trackers, probes, strict=True) if one.moves]
-        bent = 0.5 * np.max(bends, axis=0, initial=0.0)
+        ends_by_drive = 0.5 * np.abs(np.diff(ends[count:].reshape(pairs), axis=1))[:, 0]
+        by_drive = 0.5 * (probes[:, 0] - probes[:, 1])
+        bent = 0.5 * np.abs(probes.sum(axis=1)).max(axis=0)
         farthest = np.abs(probes).max(axis=1)
         mean, spread = mean_and_sd(predicted[:count])
+        off = given - mean - np.array([one.off for one in drives]) @ by_drive
+        variance = self._noise_variance + (by_drive**2).sum(axis=0)
+        self._weigh(drives, off / np.sqrt(variance + spread**2), by_drive)
+        for i, one in enumerate(drives):
+            if one.turn_probability > 0.5:
+                farthest[i] = np.maximum(farthest[i], np.abs(read_behind(i) - predicted[0]))
         most = self._noise_variance + spread**2 + (farthest**2).sum(axis=0)
         beyond = np.abs(given - mean) / np.sqrt(most)
-        given = np.where(bent > SETTINGS.bent * np.sqrt(self._noise_variance), math.nan, given)
-        variance = self._noise_variance.copy()
-        for i, tracker in enumerate(trackers):
-            ends_by_drive[i] *= tracker.share
-            was = self._distal_error[i] if len(distal) else np.empty(0)
-            slides = bool((ends_by_drive[i, list(pulls)] > SETTINGS.stands * was[: len(pulls)]).any())
-            if not slides:  # what stands has the error of when it moved last
-                ends_by_drive[i, list(distal)] = was
-            variance += tracker.repeated(slides) * by_drive[i] ** 2
+        if any(one.may_have_turned for one in drives):
+            off = np.full(len(off), math.nan)
+        off[bent > SETTINGS.bent * np.sqrt(self._noise_variance)] = math.nan
         whole = np.ascontiguousarray(np.hstack((predicted, ends))[:count])
         _, innovation = core.assimilate(
             after.shape[1] // (9 * bars + 7),
             bars - 1,
             self.members,
-            after[:count],
+            after,
             whole,
-            np.concatenate((given, np.full(ends.shape[1], math.nan))),
+            np.concatenate((mean + off, np.full(ends.shape[1], math.nan))),
             np.concatenate((variance, np.ones(ends.shape[1]))),
             self.outlier,
         )
-        self.memory, self._distal_error = after, ends_by_drive[:, list(distal)]
         self._bound()
         self._update_lines()
-        channels, moved = (np.sqrt((each**2).sum(axis=0)) for each in (by_drive, ends_by_drive))
+        share = np.array([one.share for one in drives])
+        channels, moved = (
+            np.sqrt(((share[:, None] * each) ** 2).sum(axis=0)) for each in (by_drive, ends_by_drive)
+        )
         return Taken(whole, channels, moved, innovation[: len(given)], beyond)
+
+    def _weigh(self, drives: Sequence[TrailedDrive], off: Vector, by_drive: Matrix) -> None:
+        """Let each drive take in the reading that is most as if it had turned; docs/model.md (221)."""
+        for one, does in zip(drives, by_drive, strict=True):
+            signed = one.way * np.sign(does) * off
+            felt = np.abs(does) > SETTINGS.felt * np.sqrt(self._noise_variance)
+            signed = signed[felt & np.isfinite(signed)]
+            one.weigh(float(signed.min()) if len(signed) else math.nan)
 
     def _covariance(self) -> tuple[Vector, Matrix]:
         """Return the numbers as they are now [d], and their covariance [d, d]."""
@@ -246,11 +253,13 @@ class Ensemble(ABC):
         return values, deviation.T @ deviation / (len(self.members) - 1)
 
     def _drift(self, span: float) -> None:
-        """Add what the numbers change by in a time, uncorrelated with what members differ in; (204)."""
+        """Add what the numbers change by, uncorrelated with what members differ in; (204), (222)."""
         self.waiting += span
         if self.waiting < SETTINGS.drift_interval:
             return
-        sd = np.array([one.hourly_change for one in self.numbers]) * math.sqrt(self.waiting / 3600.0)
+        if not math.isnan(self.time):
+            self.drift.take(self.time, *mean_and_variance(self.members))
+        sd = np.sqrt(self.drift.variance * self.waiting)
         self.waiting = 0.0
         if sd.any():
             self.members = self.members + self._deviations(len(self.members), sd, self._known())
@@ -267,3 +276,7 @@ class Ensemble(ABC):
         limits = limits_of(self.numbers)
         np.maximum(self.members, limits.lower, out=self.members)
         np.minimum(self.members, limits.upper, out=self.members)
+
+
+def _stated(numbers: Sequence[FollowedNumber]) -> Vector:
+    return np.array([one.hourly_change for one in numbers]) ** 2 / 3600.0

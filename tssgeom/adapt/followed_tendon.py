@@ -108,8 +108,7 @@ class FollowedTendon(OnSensedRoute):
     ) -> TendonState:
         """Return the mean tendon after a step whose drive went to [N] or [m]."""
         assert self.sensed is not None
-        route, count = self.felt(self.sensed), len(now.members)
-        block = now.memory[:count].mean(axis=0)
+        route, block = self.felt(self.sensed), now.now.memory.mean(axis=0)
         bars = len(now.edge) + 1
         slip = block[MEMORY.slip * bars : (MEMORY.slip + 1) * bars]
         np.rint(slip, out=slip)

@@ -58,7 +58,8 @@ class OfTendon:
         now = RigFilter(rig, followed_numbers(rig, self.measured), arcs, seed=seed)
         before = memory_on(state, arcs, self.rig) if isinstance(state, TendonState) else None
         if before is not None:
-            now.memory[:], now.position[:] = before[0].block, before[1]
+            for one in (now.now, now.kept):
+                one.memory[:], one.position[:] = before[0].block, before[1]
         return now
 
     def usable(self, readings: Any, muted: set[str]) -> Any:

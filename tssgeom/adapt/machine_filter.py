@@ -6,7 +6,7 @@ Source: docs/model.md (171)-(178), (200)-(205).
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from copy import deepcopy
 from typing import Self
 
@@ -106,7 +106,7 @@ class MachineFilter(Ensemble):
         if self.drive != "motor_angle_rad" or math.isnan(engaged):
             return None
         sensor = self.rig_now().sensors[self.drive]
-        true = (self.trackers[0].value - sensor.zero) / sensor.gain
+        true = (self.trackers[0].position - sensor.zero) / sensor.gain
         return Turning(true, float(self.trackers[0].way), engaged)
 
     @property
@@ -155,11 +155,18 @@ class MachineFilter(Ensemble):
         after, moved, of = self._stepped(
             self.kept.with_rows(count + probes), numbers, self._drive(exact=exact), values, self._span(time)
         )
-        moved = self._with_turns(after, moved, numbers, values)
         after.sensed.block[:, 2:] = self.now.with_rows(count + probes).sensed.block[:, 2:]
         span = 0.0 if math.isnan(self.time) else time - self.time
         predicted = after.sensed.read(true_channels(self.rig, of, moved), of, self.channels, span)
-        taken = self._shifted(predicted, moved, after, self._given(values))
+
+        def read_behind(drive: int) -> Vector:
+            """Return what a member reads one of whose drives has turned as far as that may not show."""
+            read = np.array([[one.position for one in self.trackers]])
+            read[0, drive] -= self.trackers[drive].way * TRAIL.may_turn * self.trackers[drive].noise
+            back, there, its = self._stepped(after.with_rows(1), numbers[:1], read, values, 0.0)
+            return back.sensed.read(true_channels(self.rig, its, there), its, self.channels, 0.0)[0]
+
+        taken = self._shifted(predicted, moved, after, self._given(values), read_behind)
         self.joint = _after(self.joint, moved)
         self.time, self.recent = time, recent
         if math.isnan(self.kept_time):
@@ -171,25 +178,14 @@ class MachineFilter(Ensemble):
             self._follow([None] * len(read), values, time)
         return self._result(taken)
 
-    def _with_turns(
-        self, after: Standing, moved: Moved, numbers: Matrix, values: Mapping[str, float]
-    ) -> Moved:
-        """Let the probe behind each drive that may stand turn back: noise keeps it from being known."""
-        count = len(self.members)
-        rows = [count + PROBES * i + 1 for i, one in enumerate(self.trackers) if not one.moves and one.way]
-        if not rows:
-            return moved
-        read = np.tile([one.value for one in self.trackers], (len(rows), 1))
-        for row, probe in enumerate(rows):
-            i = (probe - count) // PROBES
-            read[row, i] -= self.trackers[i].way * self.trackers[i].noise
-        back, there, _ = self._stepped(
-            after.with_rows(1).with_rows(len(rows)), numbers[rows], read, values, 0.0
-        )
-        after.sensed.block[rows] = back.sensed.block
-        return moved.with_rows(rows, there)
-
-    def _shifted(self, predicted: Matrix, moved: Moved, after: Standing, given: Vector) -> Taken:
+    def _shifted(
+        self,
+        predicted: Matrix,
+        moved: Moved,
+        after: Standing,
+        given: Vector,
+        read_behind: Callable[[int], Vector],
+    ) -> Taken:
         """Let what was read shift numbers, and where the members stand and are."""
         count, kept = len(self.members), self.kept
         ends = (
@@ -199,19 +195,21 @@ class MachineFilter(Ensemble):
             kept.with_rows(len(predicted)).coordinate,
             kept.with_rows(len(predicted)).sensed.block[:, :2],
         )
+        both = np.hstack((kept.memory, after.memory[:count]))
         taken = self._take_in(
-            np.hstack((kept.memory, after.memory[:count])),
+            both,
             predicted,
             np.hstack(ends),
             given,
             self.trackers,
+            read_behind,
             bars=len(self.machine.edge) + 1,
         )
         parts = np.cumsum([predicted.shape[1], *(each.shape[1] for each in ends)])
         _, _, coordinate, block, kept_coordinate, plays = np.split(taken.values, parts[:-1], axis=1)
         width = kept.memory.shape[1]
-        self.now = Standing(self.memory[:, width:].copy(), coordinate, after.sensed.with_block(block))
-        kept.memory[:], kept.coordinate[:] = self.memory[:, :width], kept_coordinate
+        self.now = Standing(both[:, width:].copy(), coordinate, after.sensed.with_block(block))
+        kept.memory[:], kept.coordinate[:] = both[:, :width], kept_coordinate
         kept.sensed.block[:, :2] = plays
         return taken
 
@@ -272,7 +270,7 @@ class MachineFilter(Ensemble):
     def _drive(self, *, exact: bool) -> Matrix:
         """Return what the sensors of the drives read for each member and probe [members + probes, drives]."""
         count, drives = len(self.members), len(self.drives)
-        read = np.tile([tracker.value for tracker in self.trackers], (count + PROBES * drives, 1))
+        read = np.tile([tracker.position for tracker in self.trackers], (count + PROBES * drives, 1))
         if not exact:
             for i, tracker in enumerate(self.trackers):
                 read[count + PROBES * i, i] += tracker.noise
@@ -287,8 +285,6 @@ class MachineFilter(Ensemble):
         return step.of(start, numbers, read, values, span, self.trackers[0].way, self.joint)
 
     def _given(self, values: Mapping[str, float]) -> Vector:
-        if any(tracker.may_have_turned for tracker in self.trackers):
-            return np.full(len(self.channels), math.nan)
         unused = {*self.muted, *self.drives}
         if self.rig.end.given == "angle":
             unused.add("joint_angle_rad")

@@ -166,7 +166,7 @@ class TendonFromHere(RunFromHere):
     def __init__(self, sound: RigFilter, after: Sequence[Moment]) -> None:
         self.by_force = after[0].readings.by_force
         self._edge = sound.edge
-        self._memory = sound.memory[: len(sound.members)].mean(axis=0)
+        self._memory = sound.now.memory.mean(axis=0)
         name = "tension_in_N" if self.by_force else "displacement_in_m"
         super().__init__(sound, after, (name,), CHANNELS, RUN.most)
 

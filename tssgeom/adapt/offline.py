@@ -199,11 +199,10 @@ class RunFollower:
                 self._histories and self._alert is not None
             ):  # readings after a fault are no evidence of the time before
                 self._histories[-1][1].cut(self._alert.since)
-            hourly = np.array([one.hourly_change for one in now.numbers])
-            self._histories.append((now.keys, NumberHistory(hourly)))
+            self._histories.append((now.keys, NumberHistory(len(now.keys))))
             self._filter, self._smoothed = now, -math.inf
         if time >= self._smoothed + _SMOOTHED:
-            self._histories[-1][1].take(time, known.values, known.covariance)
+            self._histories[-1][1].take(time, known.values, known.covariance, now.drift.variance)
             self._smoothed = time
         self._ends[row], self._ends_se[row] = known.ends, known.ends_se
         for name, pair in known.read.items():

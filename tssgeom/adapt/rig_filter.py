@@ -10,13 +10,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from copy import deepcopy
+from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tssgeom import core
-from tssgeom.adapt.drive import DriveTracker
 from tssgeom.adapt.ensemble import PROBES, SETTINGS, Ensemble
-from tssgeom.adapt.followed import FollowedNumber, SensorNumbers, straight_lines
+from tssgeom.adapt.followed import FollowedNumber, straight_lines
 from tssgeom.adapt.readings import (
     CHANNELS,
     FollowedRig,
@@ -25,6 +28,7 @@ from tssgeom.adapt.readings import (
     noise_variance,
     predicted_readings,
 )
+from tssgeom.adapt.trailed_drive import TRAIL, TrailedDrive
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.errors import FitError
 from tssgeom.rig import Rig
@@ -33,7 +37,29 @@ from tssgeom.tendon.bars.contact_grid import bends_of, edges
 from tssgeom.tendon.bars.model import BARS, begin, model_of, setup_of
 from tssgeom.tendon.bars.plant import Memory
 
-_DISTAL = [1, 3]  # T_out and x_out among the ends
+DRIVES = ("displacement_in_m", "tension_in_N")
+"""What may drive: a position, or else the tension."""
+
+
+@dataclass(slots=True)
+class Lying:
+    """Where the tendons of the members lie."""
+
+    memory: Matrix
+    """[members, ...] What the tendon of each remembers."""
+    position: Vector
+    """[members] Where the drive of each is [m]."""
+    by_force: bool
+    """Whether the tension drove it there."""
+    time: float
+    """[s]"""
+
+    def with_rows(self, rows: NDArray[np.int64]) -> Lying:
+        """Return those of some members."""
+        return replace(self, memory=self.memory[rows], position=self.position[rows])
+
+
+_LEAST_SPAN = 1e-9  # of a step from where the members are [s]; derived: some rounding of times
 
 
 class RigFilter(Ensemble):
@@ -67,16 +93,25 @@ class RigFilter(Ensemble):
         self._lines = straight_lines(rig, numbers, np.array([one.value for one in numbers]), arcs, self.edge)
         self._bends = bends_of(setup_of(rig))
         rest = memory or begin(model_of(setup_of(rig), arcs, "displacement_in_m", self.edge)).memory
-        count = len(self.members) + PROBES
-        self.memory, self.position = np.tile(rest.block, (count, 1)), np.zeros(count)
-        self._by_force, self._distal_error = False, np.zeros((1, len(_DISTAL)))
+        count = len(self.members)
+        self.now = Lying(np.tile(rest.block, (count, 1)), np.zeros(count), False, math.nan)
+        """Where the members are by now."""
+        self.kept = replace(self.now, memory=self.now.memory.copy())
+        """Where they are behind the drive for sure."""
+        self.committed = np.zeros(count)
+        """[members] What the sensor of the drive reads there."""
         variances = (noise_variance(rig.sensors.get(name)) for name in CHANNELS)
         self._noise_variance = np.maximum(list(variances), SETTINGS.least_noise**2)
-        self._drives = {
-            name: DriveTracker(math.sqrt(noise_variance(rig.sensors.get(name))))
-            for name in ("tension_in_N", "displacement_in_m")
+        self.drives = {
+            name: TrailedDrive(math.sqrt(noise_variance(rig.sensors.get(name)))) for name in DRIVES
         }
         self._bound()
+
+    def copied(self) -> Self:
+        """Return a filter that goes on from here by itself."""
+        other = super().copied()
+        other.now, other.kept = deepcopy(self.now), deepcopy(self.kept)
+        return other
 
     def step(self, arcs: Arcs, readings: Readings, time: float, warmth: float = 0.0) -> FollowedRig:
         """Move the drive of all members, and shift them by what was read.
@@ -99,27 +134,48 @@ class RigFilter(Ensemble):
         """
         if "displacement_in_m" in self.muted:
             readings = readings._replace(displacement_in=None)
-        span = SETTINGS.first_span if math.isnan(self.time) else time - self.time
-        self._drift(span)
-        count, tracker = len(self.members), self._tracker(readings.by_force)
-        numbers = np.vstack((self.members, self.members[:1], self.members[:1]))
-        self.memory[count:], self.position[count:] = self.memory[0], self.position[0]
+        self._drift(SETTINGS.first_span if math.isnan(self.time) else time - self.time)
+        exact, frame = self._moved(readings, arcs, time, warmth), (arcs, time, warmth)
+        drive, count = self._drive(readings.by_force), len(self.members)
+        rows = np.append(np.arange(count), np.zeros(PROBES, dtype=np.int64))
+        read = np.full(count + PROBES, drive.position)
+        read[count:] += drive.noise, -drive.noise
+        numbers = self.members[rows]
+        true = self._true(read, numbers, readings)
+        after, ends = self._stepped(self.kept.with_rows(rows), numbers, true, readings.by_force, *frame)
         sensors = self._lines.sensors_of(numbers)
-        drive = self._drive(readings, sensors)
-        after, ends = self._stepped(arcs, numbers, drive, readings.by_force, span, warmth)
-        predicted = predicted_readings(ends, sensors)
+
+        def read_behind(_: int) -> Vector:
+            """Return what a member reads whose drive has turned as far as that may not show."""
+            back = np.array([drive.position - drive.way * TRAIL.may_turn * drive.noise])
+            start = Lying(after[:1], ends[:1, 2], readings.by_force, time)
+            there = self._true(back, numbers[:1], readings)
+            return predicted_readings(
+                self._stepped(start, numbers[:1], there, readings.by_force, *frame)[1],
+                self._lines.sensors_of(numbers[:1]),
+            )[0]
+
+        both = np.hstack((self.kept.memory, after[:count]))
         taken = self._take_in(
-            after,
-            predicted,
+            both,
+            predicted_readings(ends, sensors),
             ends,
             self._given(readings),
-            [tracker],
+            [drive],
+            read_behind,
             bars=len(self.edge) + 1,
-            pulls=_DISTAL[:1],
-            distal=_DISTAL,
         )
-        self.position = ends[:, 2].copy()
-        self._by_force, self.time = readings.by_force, time
+        width = after.shape[1]
+        self.kept = replace(self.kept, memory=both[:, :width].copy())
+        self.now = Lying(both[:, width:].copy(), ends[:count, 2].copy(), readings.by_force, time)
+        self.time = time
+        if math.isnan(self.kept.time):
+            self.kept.time = time - SETTINGS.first_span
+            self.committed[:] = drive.committed
+        if exact:
+            self._catch_up()
+        elif drive.needs_commit():
+            self._follow(None, readings, *frame)
         mean, spread = mean_and_sd(taken.values[:, len(CHANNELS) :])
         return FollowedRig(
             self.keys,
@@ -138,14 +194,15 @@ class RigFilter(Ensemble):
 
         A position [m], or else a true tension [N]; docs/model.md (205).
         """
-        by_force, numbers = displacement_in is None, self.members[: SETTINGS.members // 2]
-        drive = np.full(len(numbers), tension_in if by_force else displacement_in)
-        span = max(span, SETTINGS.first_span)
-        return mean_and_sd(self._stepped(arcs, numbers, drive, by_force, span, 0.0)[1])
+        by_force, rows = displacement_in is None, np.arange(SETTINGS.members // 2)
+        drive = np.full(len(rows), tension_in if by_force else displacement_in)
+        start, span = self.now.with_rows(rows), max(span, SETTINGS.first_span)
+        start.time = 0.0
+        return mean_and_sd(self._stepped(start, self.members[rows], drive, by_force, arcs, span, 0.0)[1])
 
     def drive_value(self, by_force: bool) -> float:
         """Return where the drive is, as it follows from its readings [N] or [m]."""
-        return self._tracker(by_force).value
+        return self._drive(by_force).position
 
     def _given(self, readings: Readings) -> Vector:
         read = (
@@ -156,39 +213,81 @@ class RigFilter(Ensemble):
         usable = zip(CHANNELS, read, strict=True)
         return np.array([math.nan if v is None or name in self.muted else v for name, v in usable])
 
-    def _tracker(self, by_force: bool) -> DriveTracker:
-        return self._drives["tension_in_N" if by_force else "displacement_in_m"]
+    def _drive(self, by_force: bool) -> TrailedDrive:
+        return self.drives[DRIVES[by_force]]
 
-    def _drive(self, readings: Readings, sensors: SensorNumbers) -> Vector:
-        """Return the drive of each member and probe, [N] or [m]."""
-        by_force, tracker = readings.by_force, self._tracker(readings.by_force)
-        given = readings.tension_in if by_force else readings.displacement_in
-        if readings.commanded and given is not None:
-            return np.full(len(self.memory), given)
-        sd = tracker.take(0.0 if given is None else given)
-        reading = np.full(len(self.memory), tracker.value)
-        reading[-PROBES:] += sd, -sd
-        return np.maximum((reading - sensors.zero_in) / sensors.gain_in, 0.0) if by_force else reading
+    def _moved(self, readings: Readings, arcs: Arcs, time: float, warmth: float) -> bool:
+        """Let the drive take in its reading; return whether that is exact."""
+        by_force = readings.by_force
+        drive, given = self._drive(by_force), readings.tension_in if by_force else readings.displacement_in
+        given = 0.0 if given is None else given
+        if by_force != self.now.by_force and not math.isnan(self.time):
+            self._catch_up()
+            self.drives[DRIVES[by_force]] = drive = TrailedDrive(drive.noise)
+        if readings.commanded or drive.noise == 0.0:
+            drive.set(given)
+            self.committed[:] = given
+            return True
+        turned = drive.take(given)
+        if turned is not None:
+            self._follow(turned, readings, arcs, time, warmth)
+        return False
+
+    def _catch_up(self) -> None:
+        """Keep the members where they are by now."""
+        self.kept = replace(self.now, memory=self.now.memory.copy(), position=self.now.position.copy())
+
+    def _follow(
+        self, turned: float | None, readings: Readings, arcs: Arcs, time: float, warmth: float
+    ) -> None:
+        """Move what is kept behind the drive, to where that has `turned`; members differ in where."""
+        drive = self._drive(readings.by_force)
+        if turned is None:
+            drive.committed = drive.safe()
+            self.committed[:] = drive.committed
+        else:
+            spread = self._deviations(
+                len(self.members), np.array([TRAIL.turn_error * drive.noise]), self._known()
+            )
+            drive.committed, self.committed = turned, turned + spread[:, 0]
+        true = self._true(self.committed, self.members, readings)
+        memory, ends = self._stepped(self.kept, self.members, true, readings.by_force, arcs, time, warmth)
+        self.kept = Lying(memory, ends[:, 2].copy(), readings.by_force, time)
+
+    def _true(self, read: Vector, numbers: Matrix, readings: Readings) -> Vector:
+        """Return where the drive is, [N] or [m], from what its sensor reads for each."""
+        if readings.commanded or not readings.by_force:
+            return read
+        sensors = self._lines.sensors_of(numbers)
+        return np.maximum((read - sensors.zero_in) / sensors.gain_in, 0.0)
 
     def _stepped(
-        self, arcs: Arcs, numbers: Matrix, drive: Vector, by_force: bool, span: float, warmth: float
+        self,
+        start: Lying,
+        numbers: Matrix,
+        drive: Vector,
+        by_force: bool,
+        arcs: Arcs,
+        time: float,
+        warmth: float,
     ) -> tuple[Matrix, Matrix]:
         """Return memories and ends after a step, of as many members (then probes) as there are numbers."""
-        lines, count = self._lines, len(numbers)
+        span = SETTINGS.first_span if math.isnan(start.time) else max(time - start.time, _LEAST_SPAN)
+        lines = self._lines
         done, after, ends = core.step_ensemble(
             self.edge,
             lines.plant,
             lines.slope,
             numbers - lines.about,
-            self.memory[:count],
+            start.memory,
             arcs.length,
             arcs.angle,
             self._gains(numbers),
             self._bends,
             arcs is not self.cut,
             by_force,
-            self._by_force,
-            self.position[:count],
+            start.by_force,
+            start.position,
             drive,
             span,
             warmth,
@@ -205,7 +304,7 @@ class RigFilter(Ensemble):
 
     def _tensions(self) -> Matrix:
         """[2, members] Tension of each member at both ends [N]."""
-        return self.memory[: len(self.members), [0, len(self.edge)]].T
+        return self.kept.memory[:, [0, len(self.edge)]].T
 
     def about(self) -> Vector:
         """Return the numbers about which plants are straight lines [d]."""

@@ -12,12 +12,13 @@ import msgspec
 from tssgeom.adapt.alert import Alert
 from tssgeom.adapt.followed import FollowedNumber, followed_numbers, straight_lines
 from tssgeom.adapt.readings import CHANNELS
-from tssgeom.adapt.rig_filter import RigFilter
+from tssgeom.adapt.rig_filter import DRIVES, Lying, RigFilter
 from tssgeom.adapt.saved_parts import (
     MOST,
     alert_of,
     check_memory,
     check_numbers,
+    drift_of,
     drives_of,
     numbers_of,
     random_numbers,
@@ -26,6 +27,7 @@ from tssgeom.adapt.saved_parts import (
     require_sound,
     set_random,
 )
+from tssgeom.adapt.trailed_drive import TrailedDrive
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.effects import AnyEffect
 from tssgeom.rig import Rig
@@ -35,7 +37,6 @@ from tssgeom.tendon.bars.model import setup_of
 from tssgeom.tendon.saved import route_of
 
 _MUTABLE = ("displacement_in_m", *CHANNELS)
-_DRIVES = ("tension_in_N", "displacement_in_m")
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,21 +59,22 @@ class SavedFilter:
     """[d]"""
     members: Matrix
     """[n, d]"""
-    memory: Matrix
-    """[n + 2, numbers]"""
-    position: Vector
-    """[n + 2] m"""
-    distal_error: Vector
-    """[2]"""
+    now: Mapping[str, Any]
+    """Where the members are by now."""
+    kept: Mapping[str, Any]
+    """Where they are behind the drive for sure."""
+    committed: Vector
+    """[n] What the sensor of the drive reads there."""
     muted: tuple[str, ...]
-    by_force: bool
     time: float
     """[s]"""
     waiting: float
     """[s]"""
     coldest: float
     """Temperature of the first frame that had one [°C]; NaN without any."""
-    drives: Mapping[str, Mapping[str, float | None]]
+    drives: Mapping[str, Mapping[str, Any]]
+    drift: Matrix
+    """[d, 5] As `DriftRate`; NaN where no interval has begun."""
     random: tuple[int, int]
     """State and increment of the generator."""
     alert: Alert | None = None
@@ -85,18 +87,13 @@ class SavedFilter:
         numbers = (*followed_numbers(rig, self.measured), *self.more)
         whole = msgspec.structs.replace(rig, effects=(*rig.effects, *self.effects))
         now = RigFilter(whole, numbers, self.cut)
-        now.members, now.memory = self.members.copy(), self.memory.copy()
-        now.position, now.muted, now.time = self.position.copy(), set(self.muted), self.time
-        now._distal_error, now._by_force, now.waiting = (
-            self.distal_error[None].copy(),
-            self.by_force,
-            self.waiting,
-        )
+        now.members, now.committed = self.members.copy(), self.committed.copy()
+        now.now, now.kept = (_lying(one) for one in (self.now, self.kept))
+        now.muted, now.time, now.waiting = set(self.muted), self.time, self.waiting
         now._lines = straight_lines(whole, numbers, self.about, self.cut, now.edge)
         now._bends = bends_of(setup_of(whole))
-        for name, kept in self.drives.items():
-            for key, value in kept.items():
-                setattr(now._drives[name], key, value)
+        now.drives = {name: TrailedDrive.of(kept) for name, kept in self.drives.items()}
+        now.drift.rows = self.drift.copy()
         set_random(now, self.random)
         return now
 
@@ -116,15 +113,15 @@ def captured(
         sensed=sensed,
         about=now._lines.about,
         members=now.members.copy(),
-        memory=now.memory.copy(),
-        position=now.position.copy(),
-        distal_error=now._distal_error.ravel(),
+        now=_plain_lying(now.now),
+        kept=_plain_lying(now.kept),
+        committed=now.committed.copy(),
         muted=tuple(sorted(now.muted)),
-        by_force=bool(now._by_force),
         time=now.time,
         waiting=now.waiting,
         coldest=coldest,
-        drives={name: dict(vars(drive)) for name, drive in now._drives.items()},
+        drives={name: drive.plain() for name, drive in now.drives.items()},
+        drift=now.drift.rows.copy(),
         random=random_of(now),
     )
 
@@ -145,16 +142,13 @@ def checked_filter(saved: Mapping[str, Any], rig: Rig) -> SavedFilter:
         (*followed_numbers(rig, measured), *more),
         cut,
     )
-    arrays = {name: numbers_of(saved[name]) for name in ("about", "memory", "position", "distal_error")}
+    arrays = {name: numbers_of(saved[name]) for name in ("about", "committed")}
     require_sound(members.shape == fresh.members.shape, "members")
-    sizes = {"about": (width,), "memory": fresh.memory.shape, "position": fresh.position.shape}
-    for name, shape in (sizes | {"distal_error": (2,)}).items():
+    for name, shape in {"about": (width,), "committed": fresh.committed.shape}.items():
         require_sound(arrays[name].shape == shape, name)
     check_numbers(fresh, members, arrays["about"])
-    check_memory(arrays["memory"], len(fresh.edge))
     muted = tuple(saved["muted"])
     require_sound(set(muted) <= set(_MUTABLE), "muted")
-    require_sound(isinstance(saved["by_force"], bool), "by_force")
     scalars = {name: float(saved[name]) for name in ("time", "waiting")}
     require_sound(all(abs(value) <= MOST for value in scalars.values()), "time or waiting")
     coldest = math.nan if saved["coldest"] is None else float(saved["coldest"])
@@ -168,15 +162,38 @@ def checked_filter(saved: Mapping[str, Any], rig: Rig) -> SavedFilter:
         sensed=cut if saved["sensed"] == saved["cut"] else sensed,
         members=members,
         about=arrays["about"],
-        memory=arrays["memory"],
-        position=arrays["position"],
-        distal_error=arrays["distal_error"],
+        now=_checked_lying(saved["now"], fresh),
+        kept=_checked_lying(saved["kept"], fresh),
+        committed=arrays["committed"],
         muted=muted,
-        by_force=saved["by_force"],
         time=scalars["time"],
         waiting=scalars["waiting"],
         coldest=coldest,
-        drives=drives_of(saved["drives"], _DRIVES),
+        drives=drives_of(saved["drives"], DRIVES),
+        drift=drift_of(saved["drift"], fresh),
         random=random_numbers(saved["random"]),
         **alert_of(saved, _MUTABLE),
     )
+
+
+def _plain_lying(one: Lying) -> dict[str, Any]:
+    return {
+        "memory": one.memory.copy(),
+        "position": one.position.copy(),
+        "by_force": bool(one.by_force),
+        "time": one.time,
+    }
+
+
+def _lying(saved: Mapping[str, Any]) -> Lying:
+    return Lying(saved["memory"].copy(), saved["position"].copy(), saved["by_force"], saved["time"])
+
+
+def _checked_lying(saved: Mapping[str, Any], fresh: RigFilter) -> dict[str, Any]:
+    memory, position = numbers_of(saved["memory"]), numbers_of(saved["position"])
+    require_sound(memory.shape == fresh.now.memory.shape, "memory")
+    require_sound(position.shape == fresh.now.position.shape, "position")
+    check_memory(memory, len(fresh.edge))
+    time = float(saved["time"])
+    require_sound(isinstance(saved["by_force"], bool) and abs(time) <= MOST, "by_force or time")
+    return {"memory": memory, "position": position, "by_force": saved["by_force"], "time": time}

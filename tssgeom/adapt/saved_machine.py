@@ -18,6 +18,8 @@ from tssgeom.adapt.saved_parts import (
     alert_of,
     check_memory,
     check_numbers,
+    drift_of,
+    drives_of,
     numbers_of,
     random_numbers,
     random_of,
@@ -71,6 +73,8 @@ class SavedMachineFilter:
     waiting: float
     """[s]"""
     drives: Mapping[str, Mapping[str, Any]]
+    drift: Matrix
+    """[d, 5] As `DriftRate`; NaN where no interval has begun."""
     random: tuple[int, int]
     """State and increment of the generator."""
     alert: Alert | None = None
@@ -90,6 +94,7 @@ class SavedMachineFilter:
         now.muted, now.time, now.waiting = set(self.muted), self.time, self.waiting
         now.draw_lines(self.about)
         now.trackers = tuple(TrailedDrive.of(self.drives[name]) for name in now.drives)
+        now.drift.rows = self.drift.copy()
         set_random(now, self.random)
         return now
 
@@ -119,6 +124,7 @@ def captured_machine(
         time=now.time,
         waiting=now.waiting,
         drives={name: one.plain() for name, one in zip(now.drives, now.trackers, strict=True)},
+        drift=now.drift.rows.copy(),
         random=random_of(now),
     )
 
@@ -144,7 +150,7 @@ def checked_machine(saved: Mapping[str, Any], rig: Rig) -> SavedMachineFilter:
     require_sound(set(muted) <= set(channels), "muted")
     scalars = {name: float(saved[name]) for name in ("time", "waiting", "kept_time")}
     require_sound(all(abs(value) <= MOST for value in scalars.values()), "time or waiting")
-    drives = {name: _drive(saved["drives"][name]) for name in fresh.drives}
+    drives = drives_of(saved["drives"], fresh.drives)
     return SavedMachineFilter(
         keys=tuple(one.key for one in own),
         measured=measured,
@@ -157,6 +163,7 @@ def checked_machine(saved: Mapping[str, Any], rig: Rig) -> SavedMachineFilter:
         joint=_turning(saved["joint"]),
         muted=muted,
         drives=drives,
+        drift=drift_of(saved["drift"], fresh),
         random=random_numbers(saved["random"]),
         **arrays,
         **standings,
@@ -192,16 +199,3 @@ def _turning(saved: Any) -> Turning:
     numbers = [math.nan if one is None else float(one) for one in saved]
     require_sound(not any(math.isinf(one) for one in numbers), "turning")
     return Turning(*numbers)
-
-
-def _drive(saved: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what was kept of a drive."""
-    like = TrailedDrive(0.0).plain()
-    require_sound(saved.keys() == like.keys(), "drives")
-    recent = numbers_of(saved["recent"])
-    require_sound(
-        recent.ndim == 1 and saved["way"] in (-1, 0, 1) and isinstance(saved["moves"], bool), "drives"
-    )
-    numbers = {name: float(saved[name]) for name in like.keys() - {"recent", "way", "moves"}}
-    require_sound(all(abs(one) <= MOST for one in numbers.values()) and numbers["noise"] >= 0.0, "drives")
-    return {**numbers, "recent": recent, "way": saved["way"], "moves": saved["moves"]}

@@ -11,8 +11,8 @@ import msgspec
 import numpy as np
 
 from tssgeom.adapt.alert import Alert
-from tssgeom.adapt.drive import DriveTracker
 from tssgeom.adapt.ensemble import Ensemble
+from tssgeom.adapt.trailed_drive import TrailedDrive
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.core.constants_tendon_rows import HELD, MEMORY
 from tssgeom.errors import SettingsError
@@ -20,7 +20,7 @@ from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.capstan import MOST_TENSION
 from tssgeom.tendon.saved import route_object
 
-VERSION = 1
+VERSION = 2
 """Version of the objects of filters."""
 MOST = 1e12
 """Most of any number; chosen: as of a tendon's."""
@@ -53,16 +53,31 @@ def check_memory(memory: Matrix, contacts: int) -> None:
     require_sound(bool(np.isin(slip, (-1.0, 0.0, 1.0)).all()), "slip")
 
 
-def drives_of(saved: Mapping[str, Any], names: Sequence[str]) -> dict[str, dict[str, float | None]]:
+def drives_of(saved: Mapping[str, Any], names: Sequence[str]) -> dict[str, dict[str, Any]]:
     """Return what was kept of drives."""
-    of = vars(DriveTracker(0.0)).keys()
-    require_sound(tuple(saved) == tuple(names) and all(one.keys() == of for one in saved.values()), "drives")
-    for drive in saved.values():
-        for name, value in drive.items():
-            is_none = value is None and name == "_extreme"
-            require_sound(is_none or (isinstance(value, int | float) and abs(value) <= MOST), name)
-        require_sound(drive["_way"] in (-1, 1) and drive["_noise"] >= 0.0, "drives")
-    return {name: dict(drive) for name, drive in saved.items()}
+    require_sound(set(saved) == set(names), "drives")
+    return {name: _drive_of(saved[name]) for name in names}
+
+
+def drift_of(saved: Mapping[str, Any], fresh: Ensemble) -> Matrix:
+    """Return what was kept of the drift of a filter's numbers."""
+    rows = numbers_of(saved, may_lack=True)
+    require_sound(rows.shape == fresh.drift.rows.shape, "drift")
+    require_sound(bool((rows[:, 0] >= 1.0).all() and not np.isnan(np.delete(rows, 2, axis=1)).any()), "drift")
+    return rows
+
+
+def _drive_of(saved: Mapping[str, Any]) -> dict[str, Any]:
+    like = TrailedDrive(0.0).plain()
+    require_sound(saved.keys() == like.keys() and saved["way"] in (-1, 0, 1), "drives")
+    arrays = {name: numbers_of(saved[name]) for name, one in like.items() if isinstance(one, np.ndarray)}
+    for name, one in arrays.items():
+        require_sound(one.ndim == 1 and (name == "recent" or len(one) == len(like[name])), "drives")
+    rest = like.keys() - arrays.keys() - {"way"}
+    numbers = {name: math.nan if saved[name] is None else float(saved[name]) for name in rest}
+    require_sound(not any(abs(one) > MOST for one in numbers.values()), "drives")
+    require_sound(numbers["noise"] >= 0.0 and 0.0 <= numbers["turn_probability"] <= 1.0, "drives")
+    return {**arrays, **numbers, "way": saved["way"]}
 
 
 def random_of(now: Ensemble) -> tuple[int, int]:

@@ -76,21 +76,21 @@ class NumberHistory:
 
     Parameters
     ----------
-    hourly_change
-        [d] Standard deviation of the change of each number in an hour.
+    count
+        d, how many numbers there are.
     most_moments
         Moments that are kept.
     """
 
-    def __init__(self, hourly_change: Vector, most_moments: int = _SETTINGS.most_moments) -> None:
-        self._variance_rate = np.asarray(hourly_change, dtype=np.float64) ** 2 / 3600.0
+    def __init__(self, count: int, most_moments: int = _SETTINGS.most_moments) -> None:
+        self._count = count
         self._most = most_moments
         self._moments = list[tuple[float, Vector, Matrix]]()
         self._steps = list[_Step]()  # from each kept moment to the next one, the last to the newest
         self._newest: tuple[float, Vector, Matrix] | None = None
         self._stride, self._since_kept = 1, 0
 
-    def take(self, time: float, values: Vector, covariance: Matrix) -> None:
+    def take(self, time: float, values: Vector, covariance: Matrix, drift: Vector) -> None:
         """Take in what is known after the readings of a time [s], not before that of the last one.
 
         Parameters
@@ -99,10 +99,12 @@ class NumberHistory:
             Time [s].
         values, covariance
             [d], [d, d].
+        drift
+            [d] Variance of the change of each number in a second since the last one.
         """
         now = (time, np.array(values), np.array(covariance))
         if self._newest is not None:
-            step = self._step_back(*self._newest, time)
+            step = _step_back(*self._newest[1:], (time - self._newest[0]) * drift)
             if self._since_kept == 0:
                 self._moments.append(self._newest)
                 self._steps.append(step)
@@ -125,7 +127,7 @@ class NumberHistory:
     def smoothed(self) -> SmoothedNumbers:
         """Return the numbers at the kept moments, with the readings up to each, and with all readings."""
         moments = [*self._moments, *([] if self._newest is None else [self._newest])]
-        dimension = len(self._variance_rate)
+        dimension = self._count
         time = np.array([one[0] for one in moments])
         filtered = np.array([one[1] for one in moments]).reshape(-1, dimension)
         covariances = np.array([one[2] for one in moments]).reshape(-1, dimension, dimension)
@@ -136,19 +138,19 @@ class NumberHistory:
             covariance[k] = step.covariance + step.gain @ covariance[k + 1] @ step.gain.T
         return SmoothedNumbers(time, filtered, covariances, values, covariance)
 
-    def _step_back(self, before: float, values: Vector, covariance: Matrix, time: float) -> _Step:
-        """Return the backward step of a random walk; docs/model.md (208)."""
-        added = self._variance_rate * (time - before)
-        expected = covariance + np.diag(added)
-        sd = np.sqrt(np.diag(expected))
-        sd[sd == 0.0] = 1.0
-        correlation = expected / np.outer(sd, sd) + _RIDGE * np.eye(len(sd))
-        lost = added[:, None] * np.linalg.inv(correlation) / np.outer(sd, sd)  # Q (P + Q)⁻¹
-        return _Step(lost @ values, np.eye(len(sd)) - lost, np.diag(added) - lost * added)
-
     def _thin(self) -> None:
         """Keep every other moment."""
         pairs = zip(self._steps[::2], self._steps[1::2], strict=True)
         self._steps = [first.then(second) for first, second in pairs]
         self._moments = self._moments[::2]
         self._stride *= 2
+
+
+def _step_back(values: Vector, covariance: Matrix, added: Vector) -> _Step:
+    """Return the backward step of a random walk; docs/model.md (208)."""
+    expected = covariance + np.diag(added)
+    sd = np.sqrt(np.diag(expected))
+    sd[sd == 0.0] = 1.0
+    correlation = expected / np.outer(sd, sd) + _RIDGE * np.eye(len(sd))
+    lost = added[:, None] * np.linalg.inv(correlation) / np.outer(sd, sd)  # Q (P + Q)⁻¹
+    return _Step(lost @ values, np.eye(len(sd)) - lost, np.diag(added) - lost * added)
