@@ -170,8 +170,10 @@ class TrailedDrive:
             return
         if math.isnan(off):
             return
+        off = min(max(off, -CHANCE.never), CHANCE.never)
         before = self.turn_probability + TRAIL.turns * (1.0 - self.turn_probability)
-        sound = math.exp(-0.5 * min(abs(off), 2.0 * CHANCE.never) ** 2) / math.sqrt(2.0 * math.pi)
+        before = min(before, 1.0 - TRAIL.turns**4)  # it may be revised
+        sound = math.exp(-0.5 * off**2) / math.sqrt(2.0 * math.pi)
         turned = 0.5 * math.erfc(off / math.sqrt(2.0)) / TRAIL.spread
         self.turn_probability = before * turned / (before * turned + (1.0 - before) * sound)
 
