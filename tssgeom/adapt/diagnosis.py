@@ -5,16 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import compress
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from tssgeom.adapt.ensemble import Ensemble
 from tssgeom.adapt.hypotheses import Hypothesis, hypotheses
-from tssgeom.adapt.moments import Moment, RunFromHere, TendonFromHere
+from tssgeom.adapt.moments import Moment, RunFromHere, TendonFromHere, grown
 from tssgeom.adapt.readings import noise_variance
 from tssgeom.adapt.rig_filter import RigFilter
-from tssgeom.adapt.watch import WATCH
 from tssgeom.errors import TssgeomError
 from tssgeom.least_squares import SOLVER, Problem, search
 
@@ -225,7 +225,7 @@ def _fitted(run: RunFromHere, one: Hypothesis) -> Iterator[_Fit | None]:
 
 def _stopped_sensor(sound: RigFilter, after: Sequence[Moment]) -> tuple[str, str] | None:
     """Return the sensor at the drive that stands while the other one there moves, and that in words."""
-    late = [one for one in after if one.time > after[0].time + WATCH.onset]
+    late = list(compress(after, grown(np.array([one.time for one in after]))))
     pairs = [(one.readings.displacement_in, one.readings.tension_in) for one in late]
     if len(pairs) < DIAGNOSIS.fewest or any(None in pair for pair in pairs):
         return None

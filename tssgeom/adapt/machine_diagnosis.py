@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from itertools import compress
 from typing import Any
 
 import numpy as np
@@ -21,9 +22,8 @@ from tssgeom.adapt.hypotheses import (
     turned,
 )
 from tssgeom.adapt.machine_filter import MachineFilter
-from tssgeom.adapt.moments import RUN, Moment, RunFromHere
+from tssgeom.adapt.moments import RUN, Moment, RunFromHere, grown
 from tssgeom.adapt.readings import noise_variance
-from tssgeom.adapt.watch import WATCH
 from tssgeom.arrays import Matrix
 from tssgeom.rig import Rig, Sensor
 from tssgeom.tendon.machine import machine_of, routed
@@ -137,7 +137,7 @@ def _measured(sound: MachineFilter, moments: Sequence[Moment]) -> list[str]:
 
 def _stopped(sound: MachineFilter, after: Sequence[Moment]) -> tuple[str, str] | None:
     """Return the sensor that stands while the model says that it moves, or the drive while others move."""
-    late = [one for one in after if one.time > after[0].time + WATCH.onset]
+    late = list(compress(after, grown(np.array([one.time for one in after]))))
     if len(late) < DIAGNOSIS.fewest:
         return None
     names = [*sound.drives, *_measured(sound, late)]

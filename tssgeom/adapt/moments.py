@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tssgeom import core
 from tssgeom.adapt.drive import DriveTracker
@@ -57,6 +58,12 @@ class RunSettings(NamedTuple):
 RUN = RunSettings()
 
 
+def grown(times: Vector) -> NDArray[np.bool_]:
+    """Return at which times [s] a fault has grown, which had begun by the first of them at the latest."""
+    begun = times - times[0]
+    return begun >= min(RUN.begins * begun[-1], RUN.grows)
+
+
 class RunFromHere(ABC):
     """Moments after a filter's last step, for models with other numbers.
 
@@ -97,8 +104,7 @@ class RunFromHere(ABC):
         self._drive, self._sd = drive[:, chosen], sd[:, chosen]
         self._chosen = [after[i] for i in chosen]
         self._readings = np.array([self._read(after[i].readings, sound.muted) for i in chosen]).T
-        begun = times - times[0]
-        self._readings[:, begun < min(RUN.begins * begun[-1], RUN.grows)] = math.nan
+        self._readings[:, ~grown(times)] = math.nan
         variances = [noise_variance(sensors.get(one)) for one in channels]
         self._sd_of = np.sqrt(np.maximum(variances, 1e-12))[:, None] * np.ones(len(chosen))
         self._weigh(sound)
