@@ -44,3 +44,10 @@ def test_numbers_that_are_set_begin_a_new_interval():
     rate.take(1e6, np.full(1, 5.0), np.full(1, 1e-3))
     assert rate.variance == pytest.approx(STATED)
     assert len(rate.with_more(np.array([1e-6, 0.0])).variance) == 3
+
+
+def test_a_number_that_all_members_agree_in_says_nothing_of_its_drift():
+    rate = DriftRate(np.array([1e-4]))
+    for time in range(100):
+        rate.take(float(time), np.array([1.0]), np.array([0.0]))
+    assert rate.variance == pytest.approx([1e-4])

@@ -59,7 +59,7 @@ def test_what_is_committed_trails_the_drive_closely():
     for i, (drive, turned) in enumerate(read(true, noise)):
         if turned is None and not drive.may_have_turned and drive.way:
             assert drive.way * (true[i] - drive.committed) > -TRAIL.margin * noise
-            assert drive.way * (drive.value - drive.committed) <= 2.0 * TRAIL.margin * noise
+            assert drive.way * (drive.value - drive.committed) <= TRAIL.most_behind * noise
 
 
 def test_a_turn_is_likely_by_what_was_read_before_the_drive_shows_it():

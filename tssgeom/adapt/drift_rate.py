@@ -1,4 +1,4 @@
-"""How fast followed numbers drift, by how far their estimates go; docs/model.md (222)."""
+"""How fast followed numbers drift, by how far their estimates go; docs/model.md (253)."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class DriftRate:
     @property
     def variance(self) -> Vector:
         """[d] Variance of the change in a second."""
-        return self.stated * np.clip(self.rows[:, _SCALE], DRIFT.least, 1.0)
+        return self.stated * np.minimum(np.maximum(self.rows[:, _SCALE], DRIFT.least), 1.0)
 
     def restart(self) -> None:
         """Begin new intervals: numbers were set."""
@@ -70,7 +70,7 @@ class DriftRate:
         for row, stated, now, value, variance in zip(
             self.rows, self.stated.tolist(), self.variance.tolist(), values, variances, strict=True
         ):
-            if stated == 0.0:
+            if stated == 0.0 or variance == 0.0:
                 continue
             span, remembered = time - row[_BEGIN], variance / now
             if span < DRIFT.span * remembered:

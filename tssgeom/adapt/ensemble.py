@@ -113,7 +113,7 @@ class Ensemble(ABC):
         """Return a filter that goes on from here by itself."""
         other = copy.copy(self)
         for name, value in vars(self).items():
-            if isinstance(value, np.ndarray | set | np.random.Generator | dict | DriftRate):
+            if isinstance(value, np.ndarray | set | np.random.Generator | DriftRate):
                 setattr(other, name, copy.deepcopy(value))
         return other
 
@@ -184,7 +184,7 @@ class Ensemble(ABC):
         *,
         bars: int,
     ) -> Taken:
-        """Shift numbers and memories by what was read; docs/model.md (203), (220).
+        """Shift numbers and memories by what was read; docs/model.md (203), (251).
 
         Parameters
         ----------
@@ -239,7 +239,7 @@ class Ensemble(ABC):
         return Taken(whole, channels, moved, innovation[: len(given)], beyond)
 
     def _weigh(self, drives: Sequence[TrailedDrive], off: Vector, by_drive: Matrix) -> None:
-        """Let each drive take in the reading that is most as if it had turned; docs/model.md (221)."""
+        """Let each drive take in the reading that is most as if it had turned; docs/model.md (252)."""
         for one, does in zip(drives, by_drive, strict=True):
             signed = one.way * np.sign(does) * off
             felt = np.abs(does) > SETTINGS.felt * np.sqrt(self._noise_variance)
@@ -253,7 +253,7 @@ class Ensemble(ABC):
         return values, deviation.T @ deviation / (len(self.members) - 1)
 
     def _drift(self, span: float) -> None:
-        """Add what the numbers change by, uncorrelated with what members differ in; (204), (222)."""
+        """Add what the numbers change by, uncorrelated with what members differ in; (204), (253)."""
         self.waiting += span
         if self.waiting < SETTINGS.drift_interval:
             return

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from copy import deepcopy
 from typing import Self
 
 import numpy as np
@@ -93,7 +92,7 @@ class MachineFilter(Ensemble):
         """Return a filter that goes on from here by itself."""
         other = super().copied()
         other.kept, other.now = self.kept.copied(), self.now.copied()
-        other.trackers = deepcopy(self.trackers)
+        other.trackers = tuple(one.copied() for one in self.trackers)
         return other
 
     @property

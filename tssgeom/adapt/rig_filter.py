@@ -10,8 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from copy import deepcopy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
@@ -54,9 +53,14 @@ class Lying:
     time: float
     """[s]"""
 
+    def copied(self) -> Lying:
+        """Return the same, to be changed by itself."""
+        return Lying(self.memory.copy(), self.position.copy(), self.by_force, self.time)
+
     def with_rows(self, rows: NDArray[np.int64]) -> Lying:
         """Return those of some members."""
-        return replace(self, memory=self.memory[rows], position=self.position[rows])
+        memory, position = self.memory.take(rows, axis=0), self.position.take(rows)
+        return Lying(memory, position, self.by_force, self.time)
 
 
 _LEAST_SPAN = 1e-9  # of a step from where the members are [s]; derived: some rounding of times
@@ -96,7 +100,7 @@ class RigFilter(Ensemble):
         count = len(self.members)
         self.now = Lying(np.tile(rest.block, (count, 1)), np.zeros(count), False, math.nan)
         """Where the members are by now."""
-        self.kept = replace(self.now, memory=self.now.memory.copy())
+        self.kept = self.now.copied()
         """Where they are behind the drive for sure."""
         self.committed = np.zeros(count)
         """[members] What the sensor of the drive reads there."""
@@ -110,7 +114,8 @@ class RigFilter(Ensemble):
     def copied(self) -> Self:
         """Return a filter that goes on from here by itself."""
         other = super().copied()
-        other.now, other.kept = deepcopy(self.now), deepcopy(self.kept)
+        other.now, other.kept = self.now.copied(), self.kept.copied()
+        other.drives = {name: one.copied() for name, one in self.drives.items()}
         return other
 
     def step(self, arcs: Arcs, readings: Readings, time: float, warmth: float = 0.0) -> FollowedRig:
@@ -155,7 +160,7 @@ class RigFilter(Ensemble):
                 self._lines.sensors_of(numbers[:1]),
             )[0]
 
-        both = np.hstack((self.kept.memory, after[:count]))
+        both = np.concatenate((self.kept.memory, after[:count]), axis=1)
         taken = self._take_in(
             both,
             predicted_readings(ends, sensors),
@@ -166,8 +171,8 @@ class RigFilter(Ensemble):
             bars=len(self.edge) + 1,
         )
         width = after.shape[1]
-        self.kept = replace(self.kept, memory=both[:, :width].copy())
-        self.now = Lying(both[:, width:].copy(), ends[:count, 2].copy(), readings.by_force, time)
+        self.kept.memory = both[:, :width]
+        self.now = Lying(both[:, width:], ends[:count, 2].copy(), readings.by_force, time)
         self.time = time
         if math.isnan(self.kept.time):
             self.kept.time = time - SETTINGS.first_span
@@ -235,7 +240,7 @@ class RigFilter(Ensemble):
 
     def _catch_up(self) -> None:
         """Keep the members where they are by now."""
-        self.kept = replace(self.now, memory=self.now.memory.copy(), position=self.now.position.copy())
+        self.kept = self.now.copied()
 
     def _follow(
         self, turned: float | None, readings: Readings, arcs: Arcs, time: float, warmth: float
