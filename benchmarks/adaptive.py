@@ -1,6 +1,7 @@
 """Rigs that are followed through hours of an independent simulator: numbers, distal tension, faults, cost.
 
-    python -m benchmarks.adaptive [RUN…] [--quick] [--seeds N] [--hours X] [--every N] [--tension-out]
+    python -m benchmarks.adaptive [RUN…] [--quick] [--seeds N] [--first SEED] [--hours X] [--every N]
+        [--tension-out]
 
 Each seed is another machine in another motion (tests/twins); position and T_in are measured. Errors are those
 of the filter; the first 30 s do not count. NEES is the normalised squared error over the count of numbers;
@@ -155,7 +156,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = _options(arguments)
     wanted = options.runs or (_QUICK if options.quick else (*DRIFTS, *FAULTS))
     hours, every = (0.03, 4) if options.quick else (options.hours, options.every)
-    seeds = range(1, 2) if options.quick else range(options.seeds)
+    first = 1 if options.quick else options.first
+    seeds = range(first, first + (1 if options.quick else options.seeds))
     print(machine())
     rows, failed = list[list[str]](), list[str]()
     for kind, make in DRIFTS.items():
@@ -235,6 +237,7 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     runs = (*DRIFTS, *FAULTS)
     parser.add_argument("runs", nargs="*", metavar="RUN", help=f"of {', '.join(runs)}; all by default")
     parser.add_argument("--seeds", type=int, default=3, help="machines")
+    parser.add_argument("--first", type=int, default=0, metavar="SEED", help="the first of them")
     parser.add_argument("--hours", type=float, default=0.2, help="length of each run")
     parser.add_argument("--every", type=int, default=1, help="of the samples, at 100 Hz, which one counts")
     parser.add_argument("--tension-out", action="store_true", help="T_out is measured too")
