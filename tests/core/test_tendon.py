@@ -153,7 +153,7 @@ def test_the_equilibrium_is_that_of_the_twin():
         chain = random_chain(rng)
         before = rng.integers(-1, 2, len(chain.low)).astype(np.int8)
         hanging = bool(rng.random() < 0.2 and chain.stiffness[0] == 0.0 and not chain.rigid_in)
-        patience = (SOLVER.patience, SOLVER.patience) if rng.random() < 0.6 else (0, 0)
+        patience = (SOLVER.from_before, SOLVER.from_guess) if rng.random() < 0.6 else (0, 0)
         w, tension, slip, solves, residual = equilibrium(chain, hanging, before, patience)
         ends = chain.rigid_in, chain.rigid_out, chain.shift, hanging
         count, here, contacts, left = core.equilibrium(

@@ -85,7 +85,7 @@ def test_length_noise_and_warnings_are_those_of_analyse(run, write_csv):
 
 
 def test_a_frame_whose_points_no_fit_follows_is_wrong_and_the_next_one_is_reported(run, recording):
-    few = np.delete(hairpin(4), 4, axis=0)  # one point of the turn was not sensed
+    few = np.delete(hairpin(4), 6, axis=0)  # one point of the way back was not sensed
     lost = {"t": -1.0, "points": few.tolist(), "unit": "mm"}
     recording.write_text(f"{json.dumps(lost)}\n{recording.read_text()}")
     (output,) = json.loads(run("check", recording, "--json").out)

@@ -24,35 +24,55 @@ class SolverTolerances(NamedTuple):
     """How exactly the balance of a chain of bars is solved."""
 
     accuracy: float = 1e-10
-    """Residual that ends the iteration, of the greatest tension, and distance from a position that is
-    returned, of a metre [1]; chosen: rounding, with room."""
+    """Residual that ends the iteration, of the greatest tension [1]; chosen: rounding, with room."""
     accepted: float = 1e-7
     """Largest residual of an equilibrium that is returned, and error of its tensions [N]; chosen: below what
     any sensor resolves. Above 107 N it grows with the tension; docs/model.md (250). The last pass over curved
     laws moves no tension by a tenth of it."""
     trials: int = 80
-    """Most trials in a search for one number, and most passes over curved laws [1]; derived: bisection alone
-    would need some 60."""
-    patience: int = 10
-    """Newton iterations from what slid last, or from what would slide on a fixed route; times that slack
-    bars are marked anew before the movements are relaxed; passes over curved laws that go all the way, the
-    others half of it [1]; chosen: few steps need more."""
+    """Most trials in a search for one number [1]; derived: bisection alone would need some 60."""
+    passes: int = 90
+    """Passes over curved laws before a step is given up [1]; chosen."""
+    full_passes: int = 15
+    """Passes that go all the way, the others half of it [1]; chosen."""
     motion: float = 1e-3
     """Weight of movement against force [1]; chosen: so small that contacts stop before they turn round."""
+    markings: int = 10
+    """Times that slack bars are marked anew before the movements are relaxed [1]; chosen."""
     rounds: int = 7
     """Rounds of relaxation, each four times as long as the one before [1]; chosen."""
+    from_before: int = 6
+    """Newton iterations from what slid last [1]; chosen: few steps need more."""
+    from_guess: int = 10
+    """Newton iterations from what would slide on a fixed route [1]; chosen."""
 
 
 SOLVER = SolverTolerances()
 
 
+class SweepTolerances(NamedTuple):
+    """How exactly one sweep over the contacts of a fixed route finds a position."""
+
+    close: float = 1e-14
+    """Distance from a position that ends the search [m]; chosen: rounding of a metre, with room."""
+    accepted: float = 1e-10
+    """Greatest distance from a position that is returned [m]; chosen: an atom."""
+
+
+SWEEP = SweepTolerances()
+
+
 class BarLimits(NamedTuple):
     """Small numbers in the laws of bars and contacts, and in the march through a run."""
 
+    series_below: float = 1e-2
+    """Fall of ln T over a run below which its moment is better from the series [1]; chosen."""
     least_load: float = 1e-3
     """Below this tension load-dependent friction depends on the load no more [N]; chosen."""
     turn: float = 2e-7
     """Path over which backlash opens when only the tension is known [m]; chosen: noise is less."""
+    least_time: float = 1e-9
+    """Shortest time of a step [s]; chosen."""
     untimed: float = 1.0
     """A step without a time, and the first one of a stream, is taken to last so long [s]; chosen."""
 

@@ -289,7 +289,7 @@ double balance(
     }
     double change = INFINITY, residual = INFINITY, accepted = SOLVER.accepted;
     *solves = 0;
-    for (int64_t done = 0; done < (one_pass ? 1 : SOLVER.trials); done++) {
+    for (int64_t done = 0; done < (one_pass ? 1 : SOLVER.passes); done++) {
         set_bars(laws, room, shares);
         if (by_force) c->trial[0] = target, c->stiffness[0] = 0.0;
         else if (c->rigid_in) c->trial[0] = memory->tension[0], c->stiffness[0] = 0.0;
@@ -303,7 +303,7 @@ double balance(
                   && target <= range[1] * (1.0 + ROUNDING.relative)))
                 return INFINITY;
         }
-        *solves += equilibrium(c, hanging, SOLVER.patience, SOLVER.patience, &residual);
+        *solves += equilibrium(c, hanging, SOLVER.from_before, SOLVER.from_guess, &residual);
         change = 0.0, accepted = SOLVER.accepted;
         for (int64_t j = 0; j <= k; j++) {
             change = most(fabs(c->tension[j] - room->about[j]), change);
@@ -311,7 +311,7 @@ double balance(
         }
         if (one_pass || (change <= 0.1 * accepted && residual <= accepted)) break;
         /* after a while it swings from side to side of a bend in some law */
-        int full = done < SOLVER.patience;
+        int full = done < SOLVER.full_passes;
         for (int64_t j = 0; j <= k; j++)
             room->about[j] = full ? c->tension[j] : 0.5 * (room->about[j] + c->tension[j]);
         for (int64_t i = 0; i < k; i++) room->moved[i] = full ? c->w[i] : 0.5 * (room->moved[i] + c->w[i]);

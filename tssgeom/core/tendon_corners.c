@@ -38,7 +38,7 @@ static double mean_decay(double x) { return x == 0.0 ? 1.0 : -expm1(-x) / x; }
 
 /* Mean of τ·exp(−xτ) over 0 ≤ τ ≤ 1; docs/model.md (12). */
 static double mean_decay_moment(double x) {
-    if (squared(x * x * x) < ROUNDING.exact) /* the next term of the series is rounding */
+    if (fabs(x) < BAR.series_below)
         return 1.0 / 2 - x * (1.0 / 3 - x * (1.0 / 8 - x * (1.0 / 30 - x * (1.0 / 144 - x / 840))));
     return (mean_decay(x) - exp(-x)) / x;
 }

@@ -239,7 +239,7 @@ int64_t tss_march_machine(
         if (!isfinite(sum)) return g;
         sample it = {
             n, k, m, *plant, *proximal, *distal, stiffness, *gravity, at_rest, drive[g], end[g], load[g],
-            (int)by_force, m == 1 ? friction[0] : 0.0, 0.0, most(ROUNDING.relative, spans[g]), warmth[g], *after, *trial, work[20], work[0]};
+            (int)by_force, m == 1 ? friction[0] : 0.0, 0.0, most(BAR.least_time, spans[g]), warmth[g], *after, *trial, work[20], work[0]};
         if (!solve_balance(&it, z)) return g;
         memcpy(*after, *trial, (size_t)n * memory_bytes(k));
         for (int64_t a = 0; a < m; a++) coordinate[g][a] = z[a];
@@ -273,7 +273,7 @@ int64_t tss_step_machines(
         }
         sample it = {
             n, k, m, *own, proximal[j], distal[j], stiffness[j], gravity[j], at_rest[j], drive[j], end[j],
-            load[j], (int)by_force, m == 1 ? friction[j] : 0.0, 0.0, most(ROUNDING.relative, span), warmth,
+            load[j], (int)by_force, m == 1 ? friction[j] : 0.0, 0.0, most(BAR.least_time, span), warmth,
             memory[j], after[j], work[20], work[0]};
         if (!solve_balance(&it, coordinate[j])) return j;
         read_ends(&it, coordinate[j], ends[j]);

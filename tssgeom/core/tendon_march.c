@@ -20,7 +20,7 @@ static double slide_loaded(
         double bend = sign * 0.5 * exponent * rise * ratio * near; /* d wanted / d m */
         double change = (wanted - m) / (1.0 - bend);
         m += change;
-        if (fabs(change) <= sqrt(ROUNDING.exact)) break;
+        if (fabs(change) <= sqrt(SWEEP.close)) break;
     }
     double ratio = exp(sign * (m + fixed));
     double share = 0.5 * exponent * rise * ratio * near;
@@ -74,14 +74,14 @@ static double sliding_from(const bar_laws *laws, const bar_memory *memory, const
 static double
 sweep_to_position(const bar_laws *laws, const bar_memory *memory, step_room *room, double target) {
     double start = memory->tension[0], slope, shift = carry(laws, memory, room, start, &slope);
-    if (fabs(shift - target) <= ROUNDING.exact || (start == 0.0 && shift > target)) return 0.0;
+    if (fabs(shift - target) <= SWEEP.close || (start == 0.0 && shift > target)) return 0.0;
     double below = shift < target ? start : 0.0, above = shift < target ? INFINITY : start;
     if (slope <= 0.0) {
         start = sliding_from(laws, memory, room, shift < target);
         shift = carry(laws, memory, room, start, &slope);
     }
     for (int64_t trial = 0; trial < SOLVER.trials; trial++) {
-        if (fabs(shift - target) <= ROUNDING.exact) return 0.0;
+        if (fabs(shift - target) <= SWEEP.close) return 0.0;
         if (shift < target) below = most(start, below);
         else above = least(start, above);
         double new = slope > 0.0 ? start - (shift - target) / slope : -1.0;
@@ -158,7 +158,7 @@ int take_sample(
     bar_laws *laws, bar_memory *memory, step_room *room, int by_force, double duration, double drive,
     double warmth, int64_t parts) {
     double *held = memory->held, first = held[HELD.drive], cold = held[HELD.warmth], before = held[HELD.rate];
-    double rate = (drive - first) / most(ROUNDING.relative, duration), done = 0.0;
+    double rate = (drive - first) / most(BAR.least_time, duration), done = 0.0;
     int turned = laws->by_rate && (fabs(rate) < 0.5 * fabs(before) || rate * before < 0.0);
     int64_t cuts = turned ? parts + 5 : parts, solves;
     if (!isfinite(drive + duration + warmth)) return 0;
@@ -168,13 +168,13 @@ int take_sample(
         double share = cut_at(cut, turned, (double)parts);
         double goal = share == 1.0 ? drive : first + share * (drive - first);
         double warm = share == 1.0 ? warmth : cold + share * (warmth - cold);
-        double span = most(ROUNDING.relative, (share - done) * duration);
+        double span = most(BAR.least_time, (share - done) * duration);
         done = share;
         if (!by_force) /* docs/model.md (59) */
             held[HELD.engaged] = least(goal + laws->backlash, most(goal, held[HELD.engaged]));
         double target = by_force ? goal : held[HELD.engaged];
         if (laws->swift) {
-            if (!(sweep(laws, memory, room, by_force, target, span) <= SOLVER.accuracy)) return 0;
+            if (!(sweep(laws, memory, room, by_force, target, span) <= SWEEP.accepted)) return 0;
         } else {
             double change = balance(
                 laws, memory, room, by_force, target, laws->pretension, warm, span, laws->rest, &solves);

@@ -10,7 +10,7 @@ from tssgeom.core.constants import ROUNDING
 from tssgeom.core.constants_tendon import BAR, SOLVER
 from tssgeom.core.constants_tendon_rows import HELD, LAW, MEMORY, PLANT
 
-_PATIENCE = SOLVER.patience, SOLVER.patience
+_PATIENCE = SOLVER.from_before, SOLVER.from_guess
 
 
 class Plant(NamedTuple):
@@ -214,7 +214,7 @@ def balanced(plant, memory, by_force, target, weight, warmth, span, rest, cone, 
     tension, w, residual = about, moved, np.inf
     change, slip, solves = np.inf, memory.slip, 0
     one_pass = not (plant.curved or plant.varied)
-    for done in range(1 if one_pass else SOLVER.trials):
+    for done in range(1 if one_pass else SOLVER.passes):
         _offer(plant, given, weights[2], about, trial, stiffness)
         if by_force:
             trial[0], stiffness[0] = target, 0.0
@@ -235,7 +235,7 @@ def balanced(plant, memory, by_force, target, weight, warmth, span, rest, cone, 
         change = np.max(np.abs(tension - about))
         if one_pass or (change <= 0.1 * SOLVER.accepted and residual <= SOLVER.accepted):
             break
-        if done < SOLVER.patience:
+        if done < SOLVER.full_passes:
             about[:], moved[:] = tension, w
         else:  # it swings from side to side of a bend in some law
             about[:], moved[:] = 0.5 * (about + tension), 0.5 * (moved + w)

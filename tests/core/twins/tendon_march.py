@@ -5,8 +5,7 @@ import math
 import numpy as np
 
 from tests.core.twins.tendon_laws import balanced, load_factor, stretch_of, stretched, workspace, worn
-from tssgeom.core.constants import ROUNDING
-from tssgeom.core.constants_tendon import BAR, SOLVER
+from tssgeom.core.constants_tendon import BAR, SOLVER, SWEEP
 
 _AFTER_A_TURN = np.array([0.02, 0.06, 0.15, 0.35, 0.65, 1.0])
 
@@ -28,7 +27,7 @@ def _side(near, old, exponent, fixed, force, sign, law):
         bend = sign * 0.5 * exponent * rise * ratio * near  # d wanted / d m
         change = (wanted - m) / (1.0 - bend)
         m += change
-        if abs(change) <= math.sqrt(ROUNDING.exact):
+        if abs(change) <= math.sqrt(SWEEP.close):
             break
     ratio = math.exp(sign * (m + fixed))
     share = 0.5 * exponent * rise * ratio * near
@@ -91,14 +90,14 @@ def _at_position(plant, old, target, rest, cone, tension, slip):
     """Sweep with the tension that puts the drive at `target`; return how far off it is [m]."""
     start = old[0]
     shift, slope = _sweep(plant, old, start, rest, cone, tension, slip)
-    if abs(shift - target) <= ROUNDING.exact or (start == 0.0 and shift > target):
+    if abs(shift - target) <= SWEEP.close or (start == 0.0 and shift > target):
         return 0.0
     below, above = (start, np.inf) if shift < target else (0.0, start)
     if slope <= 0.0:
         start = _sliding_from(plant, old, cone, shift < target)
         shift, slope = _sweep(plant, old, start, rest, cone, tension, slip)
     for _ in range(SOLVER.trials):
-        if abs(shift - target) <= ROUNDING.exact:
+        if abs(shift - target) <= SWEEP.close:
             return 0.0
         below, above = (max(below, start), above) if shift < target else (below, min(above, start))
         new = start - (shift - target) / slope if slope > 0.0 else -1.0
@@ -169,17 +168,17 @@ def march(plant, memory, by_force, spans, drive, warmth, parts, out, profile):
     rest, whole = plant.rest, np.ones(1)
     for g in range(drive.size):
         first, cold, done = kept[0], kept[1], 0.0
-        rate = (drive[g] - first) / max(spans[g], ROUNDING.relative)
+        rate = (drive[g] - first) / max(spans[g], BAR.least_time)
         cuts = _cuts(kept[5], rate, parts[g], plant.by_rate) if plant.by_rate or parts[g] > 1 else whole
         for share in cuts:
             goal = drive[g] if share == 1.0 else first + share * (drive[g] - first)
             warm = warmth[g] if share == 1.0 else cold + share * (warmth[g] - cold)
-            span, done = max((share - done) * spans[g], ROUNDING.relative), share
+            span, done = max((share - done) * spans[g], BAR.least_time), share
             if not by_force:
                 kept[2] = min(max(kept[2], goal), goal + plant.backlash)  # docs/model.md (59)
             target = goal if by_force else kept[2]
             if plant.swift:
-                if not swept(plant, memory, by_force, target, span, rest, cone, room[5]) <= SOLVER.accuracy:
+                if not swept(plant, memory, by_force, target, span, rest, cone, room[5]) <= SWEEP.accepted:
                     return g
                 continue
             weight = plant.pretension
