@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import compress
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -225,7 +224,7 @@ def _fitted(run: RunFromHere, one: Hypothesis) -> Iterator[_Fit | None]:
 
 def _stopped_sensor(sound: RigFilter, after: Sequence[Moment]) -> tuple[str, str] | None:
     """Return the sensor at the drive that stands while the other one there moves, and that in words."""
-    late = list(compress(after, grown(np.array([one.time for one in after]))))
+    late = grown(after)
     pairs = [(one.readings.displacement_in, one.readings.tension_in) for one in late]
     if len(pairs) < DIAGNOSIS.fewest or any(None in pair for pair in pairs):
         return None

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from itertools import compress
 from typing import Any
 
 import numpy as np
@@ -137,7 +136,7 @@ def _measured(sound: MachineFilter, moments: Sequence[Moment]) -> list[str]:
 
 def _stopped(sound: MachineFilter, after: Sequence[Moment]) -> tuple[str, str] | None:
     """Return the sensor that stands while the model says that it moves, or the drive while others move."""
-    late = list(compress(after, grown(np.array([one.time for one in after]))))
+    late = grown(after)
     if len(late) < DIAGNOSIS.fewest:
         return None
     names = [*sound.drives, *_measured(sound, late)]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from itertools import compress
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -58,8 +59,12 @@ class RunSettings(NamedTuple):
 RUN = RunSettings()
 
 
-def grown(times: Vector) -> NDArray[np.bool_]:
-    """Return at which times [s] a fault has grown, which had begun by the first of them at the latest."""
+def grown(after: Sequence[Moment]) -> list[Moment]:
+    """Return the moments at which a fault has grown, which had begun by the first of them at the latest."""
+    return list(compress(after, _has_grown(np.array([one.time for one in after]))))
+
+
+def _has_grown(times: Vector) -> NDArray[np.bool_]:
     begun = times - times[0]
     return begun >= min(RUN.begins * begun[-1], RUN.grows)
 
@@ -104,7 +109,7 @@ class RunFromHere(ABC):
         self._drive, self._sd = drive[:, chosen], sd[:, chosen]
         self._chosen = [after[i] for i in chosen]
         self._readings = np.array([self._read(after[i].readings, sound.muted) for i in chosen]).T
-        self._readings[:, ~grown(times)] = math.nan
+        self._readings[:, ~_has_grown(times)] = math.nan
         variances = [noise_variance(sensors.get(one)) for one in channels]
         self._sd_of = np.sqrt(np.maximum(variances, 1e-12))[:, None] * np.ones(len(chosen))
         self._weigh(sound)
