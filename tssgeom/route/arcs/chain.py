@@ -126,8 +126,7 @@ def fit_fixed_pieces(data: Data, chain: Chain, *, restart: bool = False) -> Chai
 
 def fit_with_work(data: Data, chain: Chain) -> tuple[float, Chain]:
     """Do as `fit_fixed_pieces`; return also the work [visits of a point]."""
-    _, evaluations, fitted = _fitted(data, chain, math.inf, False)
-    return evaluations * work_of_evaluation(len(data.points), len(fitted.matrix)), fitted
+    return _fitted(data, chain, math.inf, False)[1:]
 
 
 class Trial(NamedTuple):
@@ -141,8 +140,7 @@ class Trial(NamedTuple):
 
 def fit_candidate(data: Data, candidate: Chain, least: float) -> Trial:
     """Fit a candidate that is to have a criterion below `least`."""
-    better, evaluations, fitted = _fitted(data, candidate, least, False)
-    work = evaluations * work_of_evaluation(len(data.points), len(fitted.matrix))
+    better, work, fitted = _fitted(data, candidate, least, False)
     return Trial(work, fitted if better else None)
 
 
@@ -151,10 +149,12 @@ def work_of_evaluation(points: int, parameters: int) -> float:
     return points + CHAIN_FIT.work_of_square * parameters**2
 
 
-def _fitted(data: Data, chain: Chain, least: float, restart: bool) -> tuple[bool, int, Chain]:
+def _fitted(data: Data, chain: Chain, least: float, restart: bool) -> tuple[bool, float, Chain]:
+    """Return whether a fit is better than `least`, its work [visits of a point], and the chain."""
     count = parameter_count(chain.curved, data.free)
     fitted = core.fit_pieces(count, *data.sensed, data.shortest, *chain[:3], least, restart)
-    return bool(fitted[0]), fitted[1], Chain(fitted[2], chain.curved, *fitted[3:])
+    work = fitted[1] * work_of_evaluation(len(data.points), count)
+    return bool(fitted[0]), work, Chain(fitted[2], chain.curved, *fitted[3:])
 
 
 def along(s: Vector, form: Points) -> tuple[Points, Points, Points]:

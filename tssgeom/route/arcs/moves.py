@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Generator, Iterator, Sequence
 from itertools import chain as one_after_the_other
 
@@ -31,10 +32,13 @@ _STRAIGHTENED, _MERGED, _DROPPED = 0, 1, 2
 
 
 class Budget:
-    """Work that the search for the pieces of a chain may take, linear in the points; docs/model.md (220)."""
+    """Work that the search for the pieces of a chain may take, linear in the points; docs/model.md (220).
 
-    def __init__(self, data: Data) -> None:
-        points = len(data.points) + CHAIN_MOVES.work_of_any
+    Without points there is no bound.
+    """
+
+    def __init__(self, data: Data | None = None) -> None:
+        points = math.inf if data is None else len(data.points) + CHAIN_MOVES.work_of_any
         self.left: float = CHAIN_MOVES.most_evaluations * points
         """What is left of it [visits of a point]."""
 

@@ -70,12 +70,11 @@ def identifiable(
     FitError
         Where nothing is left of a budget, and of the pieces there are such still.
     """
-    pieces = pieces or chain_pieces(data, chain)
-    work = budget or Budget(data)
+    pieces, budget = pieces or chain_pieces(data, chain), budget or Budget()
     while pieces.unidentifiable >= 0:
-        if budget is not None and budget.spent:
+        if budget.spent:
             raise FitError("the points do not determine the pieces of a chain of arcs")
-        chain = without_piece(data, chain, pieces.unidentifiable, work)
+        chain = without_piece(data, chain, pieces.unidentifiable, budget)
         pieces = chain_pieces(data, chain)
     return chain, pieces
 
