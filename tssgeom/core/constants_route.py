@@ -53,8 +53,9 @@ class RawOutlierLimits(NamedTuple):
     end_improvement: float = 0.3
     """Residual without the outlier over that with it, at most [1]. Chosen."""
     uneven: float = 4.0
-    """Steps by which unevenly spaced points may be off along the route, either way, and points apart in the
-    sequence up to which they may be near each other [1]. Chosen."""
+    """Steps by which unevenly spaced points may be off along the route, either way: before a fit, from known
+    stations on a chain, and by noise before corners are sought; and points apart in the sequence up to which
+    they may be near each other [1]. Chosen."""
     extrapolated_from: int = 6
     """Points whose line is extrapolated beyond an end. Chosen."""
     fewest: int = 8
@@ -200,7 +201,8 @@ class Staircase(NamedTuple):
     """How smooth curvature is cut into pieces of constant curvature; docs/model.md (27)."""
 
     most_cells: int = 400
-    """Cells on which joints may lie. Chosen: by speed, the cut takes time quadratic in them."""
+    """Cells on which joints may lie, and those of a route at a resolution [1]. Chosen: by speed, the cut
+    takes time quadratic in them."""
     least_step: float = 0.03
     """Steps of curvature below which a piece is not worth it, over the greatest curvature [1]. Chosen."""
 
@@ -212,7 +214,7 @@ class NodeRule(NamedTuple):
     """On how many nodes a smooth route is evaluated."""
 
     fewest: int = 120
-    """Fewest nodes [1]; chosen: a turn of a helix then has some ten."""
+    """Fewest nodes of a spline and of a draw of a fibre [1]; chosen: a turn of a helix then has some ten."""
 
 
 NODES = NodeRule()
