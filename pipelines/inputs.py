@@ -20,10 +20,9 @@ from tssgeom.errors import (
     SpaceError,
     TssgeomError,
     lacks_memory,
+    on_one_line,
     out_of_memory,
-    printable,
     refused,
-    shortened,
 )
 from tssgeom.io.formats.files import Recording, find_inputs, open_recording, output_names, real
 from tssgeom.io.formats.laboratory.mapping import NO_MAP, ColumnMap
@@ -339,4 +338,4 @@ def unexpected(source: str | Path, error: Exception) -> str:
 
 def one_line(text: str) -> str:
     """Return a text without its line breaks, printable and no longer than a message."""
-    return shortened(printable(" ".join(text.split())))
+    return on_one_line(" ".join(text.split()))

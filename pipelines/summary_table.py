@@ -43,7 +43,8 @@ def print_summary(
     A recording is reported by the range over its frames. The standard errors are those of one frame, at the
     last of the highest peaks of T_in.
     """
-    rows, more = every[:most], every[len(every[:most]) :]
+    rows = every[:most]
+    more = every[len(rows) :]
     assumed = [row["name"] for row in rows if row.get("tension_in_assumed")]
     has_clearance = any(row.get("clearance_m") is not None for row in rows)
     notes = [f"{row['name']}: {warning}" for row in rows for warning in row["warnings"]]

@@ -16,7 +16,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, TextIO
 
-from tssgeom.errors import printable, shortened
+from tssgeom.errors import on_one_line, printable
 
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
@@ -104,7 +104,7 @@ def _print_beside(text: str) -> None:
 
 def print_message(text: str) -> None:
     """Print an error or a warning, one line on stderr."""
-    _print_beside(f"tssgeom: {shortened(printable(' '.join(text.splitlines())))}")
+    _print_beside(f"tssgeom: {on_one_line(text)}")
 
 
 def print_line(text: str) -> None:

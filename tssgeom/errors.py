@@ -35,11 +35,16 @@ def shortened(text: str) -> str:
     return text if cut <= 0 else f"{text[:_HEAD]} ... ({cut} characters) ... {text[-_TAIL:]}"
 
 
+def on_one_line(text: str) -> str:
+    """Return a message without its line breaks, printable and not too long to be read."""
+    return shortened(printable(" ".join(text.splitlines())))
+
+
 class TssgeomError(Exception):
     """Root of every error that tssgeom raises on purpose; its message is one line, whatever a file holds."""
 
     def __init__(self, message: object) -> None:
-        super().__init__(shortened(printable(" ".join(str(message).splitlines()))))
+        super().__init__(on_one_line(str(message)))
 
 
 class ShapeError(TssgeomError, ValueError):

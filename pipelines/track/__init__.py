@@ -14,6 +14,7 @@ from pipelines.options import Json, Quiet
 from pipelines.terminal import without_lines_of_libraries
 
 
+@without_lines_of_libraries()
 def track(
     videos: Annotated[
         list[str],
@@ -80,36 +81,29 @@ def track(
 
     With --calibrate, --tags names the family of a ChArUco board; without it the board is a checkerboard.
     """
-    with without_lines_of_libraries():
-        if calibrate:
-            from pipelines.track import boards
+    if calibrate:
+        from pipelines.track import boards
 
-            described = boards.board_of(board, square_mm, tags, tag_mm)
-            status = boards.run(
-                videos,
-                described,
-                out=out,
-                board_frame=board_frame,
-                overlay=overlay,
-                as_json=as_json,
-                quiet=quiet,
-            )
-            raise typer.Exit(status)
-        from pipelines.track import markers
-
-        images = markers.image_options(tags, blobs, area_px, fps, frames)
-        order = markers.marker_options(
-            tags=tags is not None, ids=ids, count=count, proximal=proximal, plane_mm=plane_mm, tag_mm=tag_mm
-        )
-        status = markers.run(
-            videos,
-            calibration,
-            images,
-            order,
-            out=out,
-            overlay=overlay,
-            picture=picture,
-            as_json=as_json,
-            quiet=quiet,
+        described = boards.board_of(board, square_mm, tags, tag_mm)
+        status = boards.run(
+            videos, described, out=out, board_frame=board_frame, overlay=overlay, as_json=as_json, quiet=quiet
         )
         raise typer.Exit(status)
+    from pipelines.track import markers
+
+    images = markers.image_options(tags, blobs, area_px, fps, frames)
+    order = markers.marker_options(
+        tags=tags is not None, ids=ids, count=count, proximal=proximal, plane_mm=plane_mm, tag_mm=tag_mm
+    )
+    status = markers.run(
+        videos,
+        calibration,
+        images,
+        order,
+        out=out,
+        overlay=overlay,
+        picture=picture,
+        as_json=as_json,
+        quiet=quiet,
+    )
+    raise typer.Exit(status)
