@@ -249,7 +249,8 @@ class Fits:
         while True:
             fit, begun = work.get(), thread_time()
             try:
-                fit.sensed = self.engine.sense(fit.frame, fit.arrival.sender.track)
+                assert fit.arrival.frame is not None
+                fit.sensed = self.engine.sense(fit.arrival.frame, fit.arrival.sender.track)
             except BaseException as error:  # the stream raises it
                 fit.sensed = error
             fit.took = thread_time() - begun

@@ -47,6 +47,7 @@ from tssgeom.stream import Carried
 from tssgeom.tendon.commander import Policy, commander_of
 from tssgeom.tendon.machine_saved import require_state_of
 from tssgeom.tendon.machine_stream import CarriedMachine
+from tssgeom.threads import single_threaded
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,7 +165,8 @@ def run(options: LiveOptions, settings: RunSettings) -> int:
             if options.access.token and options.view_port is not None:
                 report("--view: any program on this machine may read the picture, without the token")
             errors.send(f"ready: {_addresses(session, processes)}\n".encode())
-            session.run()
+            with single_threaded():  # a library's threads would wait for a core while fits beside the stream
+                session.run()  # have all of them
         finally:
             session.close()
             all_well = finish_all(selector, processes)

@@ -143,7 +143,8 @@ class Session:
     def _answered_now(self, arrival: Arrival, frame: Frame) -> bool:
         """Answer a frame whose fit goes on from the last one; return whether it does."""
         engine, sender, begun = self.fits.engine, arrival.sender, thread_time()
-        sensed = engine.sense_warm(frame, sender.track)
+        assert arrival.frame is not None
+        sensed = engine.sense_warm(arrival.frame, sender.track)  # its filters go by the sender's own clock
         if sensed is None:
             self.fits.took(sender, thread_time() - begun)
             return False

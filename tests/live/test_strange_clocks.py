@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 
 from tests.live.peers import half_circle
-from tests.live_process import PATIENCE, line, live
+from tests.live_process import PATIENCE, line, live, points_mm
 from tssgeom.engine import Engine
 from tssgeom.io.formats.states import read_state, write_state
 from tssgeom.rig import Rig, read_rig
 from tssgeom.stream import Frame
 
 PULL = 9.0  # N
+TCP = ("--source", "tcp://127.0.0.1:0", "--sink", "tcp://127.0.0.1:0")
 
 
 @pytest.fixture
@@ -36,8 +37,7 @@ def piped(frames: list[bytes], *arguments: str | Path) -> list[dict]:
 
 def test_a_new_connection_and_turns_of_two_senders_are_no_pause_of_one():
     step = 1e-3  # s
-    ends = ("--source", "tcp://127.0.0.1:0", "--sink", "tcp://127.0.0.1:0")
-    with live(*ends) as stream, stream.source() as first:
+    with live(*TCP) as stream, stream.source() as first:
         reader = stream.reader()
 
         def sent(source, begin: float, name: str, count: int = 40) -> None:
@@ -57,13 +57,30 @@ def test_a_new_connection_and_turns_of_two_senders_are_no_pause_of_one():
         reader.sock.close()
 
 
+def test_the_filter_in_time_of_a_sender_goes_by_its_own_clock():
+    def angles(step: float | None) -> list[float]:
+        """Φ of a noisy route that sways [rad], beside a sender whose clock makes such steps [s]."""
+        found = list[float]()
+        with live(*TCP) as stream, stream.source() as source, stream.source() as other:
+            reader = stream.reader()
+            for i in range(12):
+                source.sendall(line(points_mm(40, 0.01 * i, i), 0.01 * i, id=i))
+                found.append(reader.until("id", i)[-1]["total_angle_rad"])
+                if step is not None:
+                    other.sendall(line(half_circle(), step * i, id=f"other {i}"))
+                    reader.until("id", f"other {i}")
+            reader.sock.close()
+        return found
+
+    assert angles(1.0) == angles(None)
+
+
 @pytest.mark.parametrize("strange", [1.7e18, 1e13, 1e300])
 def test_a_frame_of_another_client_far_in_the_future_changes_no_answer_to_the_first(
     tmp_path, creeping, strange
 ):
     state = tmp_path / "tendon.json"
-    ends = ("--source", "tcp://127.0.0.1:0", "--sink", "tcp://127.0.0.1:0")
-    with live(*ends, "--rig", creeping, "--state", state) as stream, stream.source() as source:
+    with live(*TCP, "--rig", creeping, "--state", state) as stream, stream.source() as source:
         reader = stream.reader()
         tensions = []
         for i in range(8):
