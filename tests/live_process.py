@@ -23,7 +23,9 @@ from tests.known_routes import harmonic_course, of_arcs, truth
 from tssgeom.route.synthetic import Course
 
 _SWAY = 0.02  # of all curvatures, to both sides
-_PERIOD, _PULLS = 2.0, 3.0  # s of the route and of the tension
+SWAY_PERIOD = 2.0
+"""Time in which the route of `points_mm` sways to both sides and back [s]."""
+_PULLS = 3.0  # s, period of the tension
 _ARCS_OF_ONE = 16  # of the random route, since fewer arcs take less time
 _DIGITS = 4  # after the point, in mm
 
@@ -53,7 +55,7 @@ ROUTES = ("7 pieces", "harmonics")
 def points_mm(n: int, time: float, seed: int = 0, noise: float = 5e-4, route: str = ROUTES[0]) -> np.ndarray:
     """Noisy points [n, 3] of a route that sways [mm]; `noise` of each coordinate [m]."""
     course = _course(route)
-    sway = 1.0 + _SWAY * np.sin(2 * np.pi * time / _PERIOD)
+    sway = 1.0 + _SWAY * np.sin(2 * np.pi * time / SWAY_PERIOD)
     swayed = of_arcs(Course(course.length, sway * course.bend), piecewise=True)
     positions = swayed.position(np.linspace(0.0, course.total_length, n))
     return 1e3 * (positions + noise * np.random.default_rng(seed).standard_normal((n, 3)))

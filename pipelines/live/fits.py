@@ -18,7 +18,7 @@ from threading import Lock, Thread
 from time import monotonic, thread_time
 from weakref import WeakKeyDictionary
 
-from pipelines.live.priorities import lower_own_priority
+from pipelines.live.priorities import Rests, lower_own_priority
 from tssgeom.core.binding import give_way
 from tssgeom.engine import Engine, Track
 from tssgeom.io.network.channel import READ
@@ -40,7 +40,7 @@ class FitLimits:
     more_points: float = 2.0
     """Ratio of points to those of the last frame beyond which the time is unknown [1]; chosen."""
     threads: int = 2
-    """Fits at a time of senders that were answered before [1], and one more of new ones; chosen: one sender
+    """Fits at a time of senders that were answered before [1], and two more of new ones; chosen: one sender
     with long fits leaves a thread to the others."""
     first_waiting: int = 4
     """First frames that wait for their thread [1]; chosen: newer ones win, however many ports a flood has."""
@@ -61,9 +61,10 @@ class FitLimits:
     """Least deadline that is not stated by the user [s]; chosen: less than a person notices."""
     averaged: int = 16
     """Frames over which the time between frames is averaged [1]; chosen: one late frame changes nothing."""
-    checked_inline: int = 300
-    """Points up to which the stream makes the model check of a frame itself [1]; measured: it takes up to
-    7 µs of each point, and 5 ms are the time in which others are to be answered."""
+    few_points: int = 300
+    """Points up to which the stream makes the model check of a frame itself, and up to which first fits have
+    a thread of their own [1]; measured: a check takes up to 7 µs of each point, and 5 ms are the time in
+    which others are to be answered."""
 
 
 _LIMITS = FitLimits()
@@ -133,6 +134,8 @@ class Fits:
     _paces: WeakKeyDictionary[Sender, _Pace] = field(default_factory=WeakKeyDictionary)
     _first: SimpleQueue[LongFit] = field(default_factory=SimpleQueue)
     """First frames of new senders: however many come, they have one thread."""
+    _first_of_many_points: SimpleQueue[LongFit] = field(default_factory=SimpleQueue)
+    """Those that take seconds have another one, so that no new sender waits for them."""
     _next: SimpleQueue[LongFit] = field(default_factory=SimpleQueue)
     """Later frames."""
     _done: deque[LongFit] = field(default_factory=deque)
@@ -150,7 +153,7 @@ class Fits:
         before, pace.points = pace.points, points
         if sender.track.last is None or not 0 < points <= _LIMITS.more_points * before:
             return False
-        if points > _LIMITS.checked_inline and sender.track.is_due:
+        if points > _LIMITS.few_points and sender.track.is_due:
             return False
         free = sum(not fit.first for fit in self.running) < _LIMITS.threads
         return pace.slowest <= (_LIMITS.inline if free and not self._is_alone(arrival) else _LIMITS.bearable)
@@ -160,7 +163,7 @@ class Fits:
 
     def check_model(self, sender: Sender, points: int) -> None:
         """Make the check that follows an answer, unless so many points are checked beside the stream."""
-        self.engine.idle(sender.track if points <= _LIMITS.checked_inline else _NOTHING)
+        self.engine.idle(sender.track if points <= _LIMITS.few_points else _NOTHING)
 
     def took(self, sender: Sender, time: float) -> None:
         """Take in the processor time of a fit that the stream made itself [s]."""
@@ -179,11 +182,15 @@ class Fits:
         sender.busy = True
         fit = LongFit(arrival, frame, sender.track.last is None, monotonic() + self._allowed(sender))
         self.running.append(fit)
-        (self._first if fit.first else self._next).put(fit)
-        if self._first.qsize() <= _LIMITS.first_waiting:
+        queue = self._next
+        if fit.first:
+            few = len(frame.points) <= _LIMITS.few_points
+            queue = self._first if few else self._first_of_many_points
+        queue.put(fit)
+        if not fit.first or queue.qsize() <= _LIMITS.first_waiting:
             return None
         try:
-            oldest = self._first.get_nowait()
+            oldest = queue.get_nowait()
         except Empty:  # its thread was quicker
             return None
         self.running.remove(oldest)
@@ -236,16 +243,17 @@ class Fits:
         woken.setblocking(False)
         self._wake.setblocking(False)
         self.selector.register(woken, READ, partial(_emptied, woken))
-        for work in (self._first, *[self._next] * _LIMITS.threads):
+        for work in (self._first, self._first_of_many_points, *[self._next] * _LIMITS.threads):
             Thread(target=self._serve, args=(work,), daemon=True).start()
 
-    def _give_way(self) -> None:
+    def _give_way(self, rests: Rests) -> None:
+        rests.take()
         if self.awake.locked() and self.awake.acquire(timeout=_LIMITS.gives_way):
             self.awake.release()
 
     def _serve(self, work: SimpleQueue[LongFit]) -> None:
         lower_own_priority()
-        give_way(self._give_way)
+        give_way(partial(self._give_way, Rests()))
         while True:
             fit, begun = work.get(), thread_time()
             try:

@@ -6,7 +6,50 @@ import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
+from dataclasses import dataclass, field
 from functools import cache
+from time import monotonic, sleep, thread_time
+
+
+@dataclass(frozen=True, slots=True)
+class RestLimits:
+    """How much a thread with a priority of real time leaves to other programs.
+
+    Linux takes 50 ms of each second at once from one that leaves nothing (`sched_rt_runtime_us`), and until
+    then its network may stand still.
+    """
+
+    share: float = 0.9
+    """Most that a thread takes of a core [1]; derived: half of the rest is what Linux wants."""
+    every: float = 10e-3
+    """Time after which that is judged [s]; derived: with `share`, rests are as short as `pause`."""
+    pause: float = 1e-3
+    """Length of a rest [s]; derived: a fifth of the 5 ms in which frames are to be answered."""
+
+
+_RESTS = RestLimits()
+
+
+def has_real_time() -> bool:
+    """Whether this thread has a priority of real time."""
+    return hasattr(os, "SCHED_RR") and os.sched_getscheduler(0) in (os.SCHED_RR, os.SCHED_FIFO)  # 0: this
+
+
+@dataclass(slots=True)
+class Rests:
+    """The rests of one thread, where it has a priority of real time."""
+
+    _wanted: bool = field(default_factory=has_real_time)
+    _at: float = field(default_factory=monotonic)
+    _used: float = field(default_factory=thread_time)
+
+    def take(self) -> None:
+        """Rest if it is time to."""
+        if not self._wanted or (passed := monotonic() - self._at) < _RESTS.every:
+            return
+        if thread_time() - self._used > _RESTS.share * passed:
+            sleep(_RESTS.pause)
+        self._at, self._used = monotonic(), thread_time()
 
 
 def set_niceness(pid: int, niceness: int) -> None:
@@ -19,12 +62,11 @@ def lower_own_priority() -> None:
 
     Else it stays as it is: a nicer thread would starve beside other programs, and its frames would be late.
     """
-    if not hasattr(os, "SCHED_RR"):
+    if not has_real_time():
         return
     with suppress(OSError):
-        policy, priority = os.sched_getscheduler(0), os.sched_getparam(0).sched_priority  # 0: this thread
-        if policy in (os.SCHED_RR, os.SCHED_FIFO):
-            os.sched_setscheduler(0, policy, os.sched_param(max(priority - 1, 1)))
+        policy, priority = os.sched_getscheduler(0), os.sched_getparam(0).sched_priority
+        os.sched_setscheduler(0, policy, os.sched_param(max(priority - 1, 1)))
 
 
 def _each_thread(pid: int, change: Callable[[int], None]) -> None:

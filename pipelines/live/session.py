@@ -11,6 +11,7 @@ from time import monotonic, perf_counter_ns, thread_time
 from typing import Protocol
 
 from pipelines.live.fits import Fits, LongFit
+from pipelines.live.priorities import Rests
 from pipelines.live.status import Statistics
 from tssgeom.io.network.mailbox import Arrival, Mailbox, Sender
 from tssgeom.io.network.sinks import Sink
@@ -101,6 +102,7 @@ class Session:
     _last_answer: float = field(default_factory=monotonic)
     """When the last good frame was answered [s]; before the first one, when the session began."""
     _next_housekeeping: float = 0.0
+    _rests: Rests = field(default_factory=Rests)
     _frame_interval: float = math.inf
     """Time between frames, averaged over the last ones [s]."""
 
@@ -298,6 +300,7 @@ class Session:
                 if ready := self.selector.select(0.0):
                     return ready
         self.fits.awake.release()
+        self._rests.take()
         try:
             return self.selector.select(timeout)
         finally:

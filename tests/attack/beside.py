@@ -18,7 +18,7 @@ from contextlib import suppress
 import numpy as np
 
 from tests.attack.live_lines import HARD
-from tests.live_process import line, live, points_mm, retimed
+from tests.live_process import SWAY_PERIOD, line, live, points_mm, retimed
 
 _PERIOD = 0.01  # s between good frames; the goal of the stream
 _LEAST_SHARE, _P99 = 0.99, 5e-3  # share of good frames, and time to an answer [s]; goals of the stream
@@ -31,7 +31,7 @@ _CONTEXT = multiprocessing.get_context("fork")
 
 def good(source: int, sink: int, times: multiprocessing.SimpleQueue, begun: threading.Event) -> None:
     """Send good frames with new noise in each, and put the times to their answers [s], NaN for none."""
-    texts = [line(points_mm(60, _PERIOD * k, k), 0.0) for k in range(_BEFORE)]
+    texts = [line(points_mm(60, _PERIOD * k, k), 0.0) for k in range(round(SWAY_PERIOD / _PERIOD))]
     sent, answers = dict[int, float](), dict[int, float]()
     with (
         socket.create_connection(("127.0.0.1", source)) as out,
@@ -45,7 +45,7 @@ def good(source: int, sink: int, times: multiprocessing.SimpleQueue, begun: thre
             if k == _BEFORE:
                 begun.set()
             sent[k] = time.monotonic()
-            text = retimed(texts[k % _BEFORE], 1000.0 + _PERIOD * k)
+            text = retimed(texts[k % len(texts)], 1000.0 + _PERIOD * k)
             out.sendall(text[:-2] + b',"id":"good %d"}\n' % k)
         time.sleep(1.0)
         times.put([answers.get(k, np.nan) - sent[k] for k in range(_BEFORE, _BEFORE + _FRAMES)])

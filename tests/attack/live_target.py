@@ -1,4 +1,4 @@
-"""The stream that is attacked, and its good sender: a frame each 20 ms, each of which needs its answer."""
+"""The stream that is attacked, and its good sender: a frame each 10 ms, each of which needs its answer."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from contextlib import contextmanager, suppress
 from itertools import pairwise
 from typing import Any
 
-from tests.live_process import Live, Reader, line, points_mm, retimed
+from tests.live_process import SWAY_PERIOD, Live, Reader, line, points_mm, retimed
 
-PERIOD = 0.02
-"""Time between good frames [s]; chosen: a camera's."""
+PERIOD = 0.01
+"""Time between good frames [s]; the goal of the stream."""
 _HANG = 2.0  # s without an answer that count as a hang; the goal of the stream
 _GIVEN_UP = 20.0  # s until a reaction counts as missing; chosen
 _BEGIN = 1000.0  # s on the clock of the good sender
@@ -56,7 +56,7 @@ class Target:
         """When the answer to each good frame came [s]."""
         self._arrived = threading.Condition()
         self._ending = threading.Event()
-        self._good = [line(points_mm(60, PERIOD * k), 0.0) for k in range(100)]
+        self._good = [line(points_mm(60, PERIOD * k), 0.0) for k in range(round(SWAY_PERIOD / PERIOD))]
         reader, self._source = stream.reader(), stream.source()
         self._threads = [
             threading.Thread(target=self._read, args=(reader,), daemon=True),
@@ -117,10 +117,10 @@ class Target:
                     self._arrived.notify_all()
 
     def _send(self) -> None:
-        count = 0
+        count, first = 0, time.monotonic()
         with suppress(OSError):
-            while not self._ending.wait(PERIOD):
-                text = retimed(self._good[count % 100], _BEGIN + PERIOD * count)
+            while not self._ending.wait(max(first + PERIOD * count - time.monotonic(), 0.0)):
+                text = retimed(self._good[count % len(self._good)], _BEGIN + PERIOD * count)
                 name = f"good {count}"
                 self.sent[name] = time.monotonic()
                 self._source.sendall(text[:-2] + f',"id":"{name}"}}\n'.encode())

@@ -4,11 +4,12 @@ import os
 import selectors
 import sys
 import threading
+from time import monotonic, thread_time
 
 import numpy as np
 import pytest
 
-from pipelines.live.priorities import lower_own_priority
+from pipelines.live.priorities import Rests, lower_own_priority
 from pipelines.live.processes import SideProcess, await_ready, finish_all
 from pipelines.live.worker import Drawer
 from tssgeom import core
@@ -67,6 +68,25 @@ def test_threads_for_long_fits_give_way_to_a_stream_of_real_time_and_else_stay_a
     thread.join()
     assert noted[0] == noted[1]
     assert noted[2:] in ([], [4])
+
+
+def test_a_thread_of_real_time_leaves_some_of_its_core_to_others():
+    shares = list[float]()
+
+    def work():
+        try:
+            os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(5))
+        except PermissionError:
+            return
+        rests, begun, used = Rests(), monotonic(), thread_time()
+        while monotonic() < begun + 0.3:
+            rests.take()
+        shares.append((thread_time() - used) / (monotonic() - begun))
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    thread.join()
+    assert all(share < 0.95 for share in shares)  # from there on Linux takes the core away
 
 
 def test_an_entry_of_the_core_waits_first_in_a_thread_that_gives_way():

@@ -60,17 +60,17 @@ def test_a_new_connection_and_turns_of_two_senders_are_no_pause_of_one():
 def test_the_filter_in_time_of_a_sender_goes_by_its_own_clock():
     def angles(step: float | None) -> list[float]:
         """Φ of a noisy route that sways [rad], beside a sender whose clock makes such steps [s]."""
-        found = list[float]()
+        answered = list[float]()
         with live(*TCP) as stream, stream.source() as source, stream.source() as other:
             reader = stream.reader()
             for i in range(12):
                 source.sendall(line(points_mm(40, 0.01 * i, i), 0.01 * i, id=i))
-                found.append(reader.until("id", i)[-1]["total_angle_rad"])
+                answered.append(reader.until("id", i)[-1]["total_angle_rad"])
                 if step is not None:
                     other.sendall(line(half_circle(), step * i, id=f"other {i}"))
                     reader.until("id", f"other {i}")
             reader.sock.close()
-        return found
+        return answered
 
     assert angles(1.0) == angles(None)
 

@@ -61,6 +61,19 @@ def test_the_flood_of_one_sender_leaves_another_its_turns():
     assert len(mailbox) == 1
 
 
+def test_a_flood_that_begins_late_has_no_time_saved_from_before():
+    mailbox, flood, good, answered = Mailbox(), Sender(), Sender(), 0
+    for turn in range(1200):
+        for _ in range(50 if turn >= 1000 else 0):
+            mailbox.post(flood, lambda: Rejected(0, 0.0, "bad"))
+        if turn < 1000 or turn % 4 == 0:
+            mailbox.post(good, lambda turn=turn: Frame(half_circle(), float(turn)))
+        arrival = mailbox.newest()
+        mailbox.charge(arrival.sender, 1e-3)
+        answered += arrival.frame is not None
+    assert answered >= 1000 + 49
+
+
 def test_the_frames_of_a_sender_that_is_forgotten_are_dropped():
     mailbox, gone = Mailbox(), Sender()
     for _ in range(3):

@@ -178,15 +178,17 @@ class Mailbox:
         if len(sender.waiting) >= LIMITS.waiting:
             sender.waiting.popleft()
             self.dropped += 1
-        if not sender.waiting:
+        was_new, is_idle = sender.is_new, not sender.waiting
+        sender.arrived += 1
+        if is_idle:
             self._senders.append(sender)
-            if sender.is_new:  # an idle sender has saved nothing
+        if sender.is_new:
+            if is_idle:  # it has saved nothing
                 self._used_by_new = max(self._used_by_new, self._used)
-            else:
-                sender.used = max(sender.used, self._used)
+        elif is_idle or was_new:
+            sender.used = max(sender.used, self._used)
         now = perf_counter_ns() if arrived is None else arrived
         sender.waiting.append(Waiting(self.arrived, now, decode))
-        sender.arrived += 1
         self.arrived += 1
 
     def forget(self, sender: Sender) -> None:
