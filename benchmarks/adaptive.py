@@ -31,7 +31,7 @@ from tests.adapt.cases import BEGIN_S, TRUTH, columns_of, rig_of, route_of, scor
 from tests.twins import DRIFTS, FAULTS, Scenario, acts_s
 from tssgeom.adapt.followed import followed_numbers
 from tssgeom.adapt.offline import FollowedRun, RunFollower
-from tssgeom.adapt.readings import CHANNELS, Readings
+from tssgeom.adapt.readings import CHANNELS, Moment, Readings
 from tssgeom.adapt.rig_filter import RigFilter
 
 _MOST_FRICTION, _MOST_ZERO_N = 0.03, 0.010
@@ -101,7 +101,7 @@ def exact_tension_out(scenario: Scenario, every: int) -> np.ndarray:
     for i, now in enumerate(run.time):
         model.members[:] = truth[i]
         readings = Readings(displacement_in=float(scenario.readings["displacement_in_m"][::every][i]))
-        ends[i] = model.step(model.cut, readings, float(now)).ends[1]
+        ends[i] = model.step(Moment(float(now), model.cut, readings)).ends[1]
     return ends
 
 

@@ -12,7 +12,7 @@ import pytest
 from tests.twins import Machine, Scenario, drifting_friction, frames
 from tssgeom import Engine, Frame, FrameResult, Rejected, Rig, SettingsError
 from tssgeom.adapt.follower import Follower
-from tssgeom.adapt.saved_filters import filter_object, filter_of
+from tssgeom.adapt.saved import filter_object, filter_of
 from tssgeom.io.results import answers
 from tssgeom.rig import Friction, Load, Sensor, Tendon
 from tssgeom.route.pieces import Arcs

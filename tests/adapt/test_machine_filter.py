@@ -13,7 +13,7 @@ from tssgeom import Engine, Frame, FrameResult, SettingsError
 from tssgeom.adapt.follower import Follower
 from tssgeom.adapt.machine_filter import MachineFilter
 from tssgeom.adapt.machine_readings import MachineReadings
-from tssgeom.adapt.saved_filters import filter_object, filter_of
+from tssgeom.adapt.saved import filter_object, filter_of
 from tssgeom.tendon.machine import machine_of
 from tssgeom.tendon.machine_simulation import simulate_machine
 from tssgeom.uncertain import Follow

@@ -6,7 +6,7 @@ import pytest
 
 from tssgeom import core
 from tssgeom.adapt.followed import FollowedNumber, followed_numbers, straight_lines, with_numbers
-from tssgeom.adapt.readings import Readings
+from tssgeom.adapt.readings import Moment, Readings
 from tssgeom.adapt.rig_filter import RigFilter
 from tssgeom.errors import SettingsError
 from tssgeom.rig import Load, Rig, Sensor, Tendon, read_rig
@@ -72,7 +72,7 @@ def test_members_are_the_tendons_of_predict(drive):
         value = float(run[drive][i])
         by_position = drive == "displacement_in_m"
         given = Readings(displacement_in=value) if by_position else Readings(tension_in=value)
-        ends = one.step(ARCS, given, float(time[i])).ends
+        ends = one.step(Moment(float(time[i]), ARCS, given)).ends
         assert ends[1] == pytest.approx(known["tension_out_N"][i], abs=1e-6)
         assert ends[0] == pytest.approx(known["tension_in_N"][i], abs=1e-6)
 
@@ -92,8 +92,8 @@ def test_straight_lines_are_the_plant_of_other_numbers():
 
 def test_drift_spreads_the_numbers_and_nothing_else():
     one = RigFilter(RIG, [number("friction.coefficient", 0.145, 0.01, 0.02)], ARCS)
-    first = one.step(ARCS, Readings(displacement_in=0.004), 0.0)
-    later = one.step(ARCS, Readings(displacement_in=0.004), 900.0)
+    first = one.step(Moment(0.0, ARCS, Readings(displacement_in=0.004)))
+    later = one.step(Moment(900.0, ARCS, Readings(displacement_in=0.004)))
     assert later.se[0] == pytest.approx(np.hypot(first.se[0], 0.02 * 0.5), rel=1e-5)
 
 

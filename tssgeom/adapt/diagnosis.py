@@ -11,8 +11,8 @@ import numpy as np
 
 from tssgeom.adapt.ensemble import Ensemble
 from tssgeom.adapt.hypotheses import Hypothesis, hypotheses
-from tssgeom.adapt.moments import Moment, RunFromHere, TendonFromHere, grown
-from tssgeom.adapt.readings import noise_variance
+from tssgeom.adapt.moments import RunFromHere, TendonFromHere, grown
+from tssgeom.adapt.readings import Moment, noise_variance
 from tssgeom.adapt.rig_filter import RigFilter
 from tssgeom.errors import TssgeomError
 from tssgeom.least_squares import SOLVER, Problem, search
@@ -174,7 +174,7 @@ def _senseless(run: RunFromHere, sound: Ensemble, by: Means) -> tuple[str, Ensem
 def _through(followed: Ensemble, moments: Sequence[Moment]) -> Iterator[None]:
     """Take a filter through moments, in slices."""
     for i, moment in enumerate(moments):
-        followed.step(moment.arcs, moment.readings, moment.time, moment.warmth)
+        followed.step(moment)
         if i % SLICE == SLICE - 1:
             yield None
 

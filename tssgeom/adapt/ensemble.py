@@ -1,62 +1,53 @@
-"""What filters of a rig share: members with numbers of their own, which readings shift all together.
+"""The filter that follows a rig: members with histories of their own, shifted by readings.
 
-Source: docs/model.md (200) to (205); J. S. Whitaker and T. M. Hamill, Ensemble data assimilation without
-perturbed observations, Monthly Weather Review 130 (2002).
+Friction is not smooth, so no linear filter carries the tension along a tendon. Here the same drives move all
+members; a reading shifts their numbers and tensions by what they have in common with what it reads. What a
+member is, `rig_filter.py` has of one tendon and `machine_filter.py` of a machine. Source: docs/model.md (200)
+to (205); J. S. Whitaker and T. M. Hamill, Ensemble data assimilation without perturbed observations, Monthly
+Weather Review 130 (2002).
 """
 
 from __future__ import annotations
 
-import copy
 import math
-from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple, Self
+from abc import abstractmethod
+from collections.abc import Callable, Sequence
+from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 
 from tssgeom import core
-from tssgeom.adapt.drift_rate import DriftRate
-from tssgeom.adapt.followed import FollowedNumber, limits_of, with_numbers
-from tssgeom.adapt.readings import FollowedRig, mean_and_sd, mean_and_variance
-from tssgeom.adapt.trailed_drive import TrailedDrive
+from tssgeom.adapt.followed import FollowedNumber
+from tssgeom.adapt.members import PLAYS, SETTINGS, Members, Standing
+from tssgeom.adapt.readings import FollowedRig, Moment, mean_and_sd, noise_variance
+from tssgeom.adapt.trailed_drive import TRAIL, TrailedDrive
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.core.constants import CHANCE
+from tssgeom.errors import FitError
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
 
-
-class FilterSettings(NamedTuple):
-    """Numbers of the filter."""
-
-    members: int = 64
-    """Tendons [1]. Chosen: the error of a correlation of two of them is an eighth."""
-    drift_interval: float = 0.05
-    """Time between two additions of drift [s]. Chosen: small beside any phase of a motion."""
-    bent: float = 0.3
-    """Share of its noise by which an error of the drive may bend a reading that is used [1]. Chosen: just
-    behind a turn the tension is no straight line over the drive, and its mean would be biased."""
-    felt: float = 0.01
-    """Share of its noise by which a drive has to move a reading that shows its turn [1]; chosen: less is
-    rounding."""
-    straight: float = 2.0
-    """Scales of a number after which its straight line is computed anew [1]. Chosen: friction is exact,
-    (201)."""
-    least_noise: float = 1e-6
-    """Noise of a channel that states none [N, m]. Chosen: below every sensor."""
-    first_span: float = 1e-2
-    """Time that the first step takes [s]; chosen: only effects over time feel it."""
-
-
-SETTINGS = FilterSettings()
 PROBES = 2
 """Members for each drive that show what an error of it does [1]; derived: one either way."""
+
+
+class Stepped(NamedTuple):
+    """What a step makes of members."""
+
+    standing: Standing
+    read: Matrix
+    """[members, c] What each channel should read."""
+    ends: Matrix
+    """[members, 4 n] T_in, T_out [N], x_in, x_out [m] of each tendon."""
+    joint: Any = None
+    """Of a machine whose joint is given: where it is."""
 
 
 class Taken(NamedTuple):
     """What readings have made of the members."""
 
     values: Matrix
-    """[members, c + e] What each channel should read, and the ends."""
+    """[members, c + e] What each channel should read, and the ends and all else that is shifted."""
     channels_by_drive: Vector
     """[c] What errors of the drives do to the channels."""
     ends_by_drive: Vector
@@ -67,8 +58,8 @@ class Taken(NamedTuple):
     """[c] As in `FollowedRig`."""
 
 
-class Ensemble(ABC):
-    """Members of a filter, each with its own numbers.
+class Ensemble(Members):
+    """Follows numbers of a rig from frame to frame.
 
     Parameters
     ----------
@@ -76,102 +67,219 @@ class Ensemble(ABC):
         The rig; its `sensors` state the noise of each channel.
     numbers
         What is followed.
+    arcs
+        The route of the first frame, on which the tendons are cut.
+    channels
+        What is read, drives too where they are among them.
+    drives
+        Channels that may drive.
     seed
         Of the numbers at the start and of the drift.
     """
 
-    def __init__(self, rig: Rig, numbers: Sequence[FollowedNumber], seed: int) -> None:
-        self.rig, self.numbers = rig, tuple(numbers)
-        self.random = np.random.default_rng(seed)
-        sd = np.array([one.sd for one in numbers])
-        self.members = np.array([one.value for one in numbers]) + self._deviations(SETTINGS.members, sd, [])
-        self.time = math.nan
-        self.drift = DriftRate(_stated(numbers))
-        self.cut: Arcs
-        """The route on which the tendons were cut."""
+    of_machines: ClassVar[bool]
+    """Whether members are machines: a command of theirs is probed with no noise, they draw random numbers at
+    each move of what is kept, and their channels are stated."""
+
+    def __init__(
+        self,
+        rig: Rig,
+        numbers: Sequence[FollowedNumber],
+        arcs: Arcs,
+        channels: Sequence[str],
+        drives: Sequence[str],
+        seed: int,
+    ) -> None:
+        self.cut, self.channels, self.drives = arcs, tuple(channels), tuple(drives)
+        """The route on which the tendons were cut, what is read, and what drives."""
+        variances = {name: noise_variance(rig.sensors.get(name)) for name in (*channels, *drives)}
+        self._noise_variance = np.maximum([variances[one] for one in channels], SETTINGS.least_noise**2)
+        self.trackers = {name: TrailedDrive(math.sqrt(variances[name])) for name in drives}
         self.muted = set[str]()
         """Channels whose readings are not used."""
         self.outlier = CHANCE.never
-        self.waiting = 0.0
-        self._noise_variance: Vector = np.empty(0)
+        self.count: int
+        """Number of tendons, n."""
+        self.edge: Vector
+        """Where their bars are cut."""
+        super().__init__(rig, numbers, seed)
 
-    @property
-    def keys(self) -> tuple[str, ...]:
-        """What is followed."""
-        return tuple(one.key for one in self.numbers)
-
-    @property
-    def values(self) -> Vector:
-        """[d] The numbers as they are now."""
-        return self.members.sum(axis=0) / len(self.members)
-
-    def rig_now(self) -> Rig:
-        """Return the rig with the followed numbers as they are now."""
-        return with_numbers(self.rig, dict(zip(self.keys, self.values.tolist(), strict=True)))
+    def stand(self, at: Standing) -> None:
+        """Let the members stand somewhere."""
+        self.kept, self.now = at, at.copied()
+        """Where they are behind the drives for sure, and where they are by now."""
+        self.committed = np.zeros((len(self.members), len(self.drives)))
+        """[members, drives] What the sensors of the drives read where the members are kept."""
 
     def copied(self) -> Self:
         """Return a filter that goes on from here by itself."""
-        other = copy.copy(self)
-        for name, value in vars(self).items():
-            if isinstance(value, np.ndarray | set | np.random.Generator | DriftRate):
-                setattr(other, name, copy.deepcopy(value))
+        other = super().copied()
+        other.kept, other.now = self.kept.copied(), self.now.copied()
+        other.trackers = {name: one.copied() for name, one in self.trackers.items()}
         return other
 
-    def with_more(self, more: Sequence[FollowedNumber], rig: Rig) -> Self:
-        """Return a filter that goes on from here and follows further numbers of a rig too."""
-        other = self.copied()
-        other.rig, other.numbers = rig, (*self.numbers, *more)
-        value, sd = np.array([(one.value, one.sd) for one in more]).reshape(-1, 2).T
-        spread = other._deviations(len(self.members), sd, self._known())
-        other.members = np.hstack((self.members, value + spread))
-        other.drift = self.drift.with_more(_stated(more))
-        other._bound()
-        other._renew_lines()
-        return other
+    def step(self, at: Moment) -> FollowedRig:
+        """Move the drives of all members, and shift them by what was read at a time not before the last.
 
-    def reopen(self, sds: Vector) -> None:
-        """Let the numbers have at least these standard deviations [d] again: what is known of them is old."""
-        now = self.members.std(axis=0, ddof=1)
-        missing = np.sqrt(np.maximum(sds**2 - now**2, 0.0))
-        self.members = self.members + self._deviations(len(self.members), missing, self._known())
-        self.drift.restart()
-        self._bound()
+        Raises
+        ------
+        SettingsError
+            Where a drive is missing.
+        FitError
+            Where a member finds no equilibrium; all tendons are then as before.
+        """
+        self._lie_on(at.arcs)
+        passed = math.nan if math.isnan(self.time) else at.time - self.time
+        self._drift(SETTINGS.first_span if math.isnan(passed) else passed)
+        at, driven = self._used(at)
+        drives = self._driving
+        exact = at.readings.commanded or not any(one.noise for one in drives)
+        if exact:
+            for one, value in zip(drives, driven, strict=True):
+                one.set(value)
+            self.committed[:] = driven
+        else:
+            turned = [one.take(value) for one, value in zip(drives, driven, strict=True)]
+            if any(one is not None for one in turned):
+                self._follow(turned, at)
+        count, probes = len(self.members), PROBES * len(drives)
+        rows = np.append(np.arange(count), np.zeros(probes, dtype=np.int64))
+        start, numbers = self.kept.with_rows(rows), self.members[rows]
+        if start.block.shape[1] > PLAYS:
+            start.block[:, PLAYS:] = self.now.block[rows, PLAYS:]
+        read = np.full((count + probes, len(drives)), [one.position for one in drives])
+        if not (exact and self.of_machines):
+            for i, one in enumerate(drives):
+                read[count + PROBES * i : count + PROBES * (i + 1), i] += one.noise, -one.noise
+        after = self._stepped(start, numbers, read, at, self._span(at), 0.0 if math.isnan(passed) else passed)
 
-    def set_numbers(self, values: Mapping[str, float], sds: Mapping[str, float]) -> None:
-        """Set some numbers to other values with these standard deviations, uncorrelated with all else."""
-        chosen = [i for i, key in enumerate(self.keys) if key in values]
-        keys = [self.keys[i] for i in chosen]
-        known = [*np.delete(self.members, chosen, axis=1).T, *self._tensions()]
-        spread = self._deviations(len(self.members), np.array([sds[key] for key in keys]), known)
-        self.members[:, chosen] = np.array([values[key] for key in keys]) + spread
-        self.drift.restart()
-        self._bound()
-        self._update_lines()
+        def read_behind(drive: int) -> Vector:
+            """Return what a member reads one of whose drives has turned as far as that may not show."""
+            one, back = drives[drive], read[:1].copy()
+            back[0, drive] -= one.way * TRAIL.may_turn * one.noise
+            first = after.standing.with_rows(rows[:1])
+            return self._stepped(first, numbers[:1], back, at, 0.0, 0.0).read[0]
+
+        taken = self._shifted(start, after, at, read_behind)
+        self._passed(after, at)
+        self.time = at.time
+        if math.isnan(self.kept.time):
+            self.kept.time = at.time - SETTINGS.first_span
+            self.committed[:] = [one.committed for one in drives]
+        if exact:
+            self.kept = self.now.copied()
+        elif any(one.needs_commit() for one in drives):
+            self._follow([None] * len(drives), at)
+        return self._result(taken)
+
+    @property
+    def _driving(self) -> list[TrailedDrive]:
+        return [self.trackers[name] for name in self.drives]
+
+    def _span(self, at: Moment) -> float:
+        before = self.kept.time
+        return SETTINGS.first_span if math.isnan(before) else max(at.time - before, 0.0)
+
+    def _shifted(
+        self, start: Standing, after: Stepped, at: Moment, read_behind: Callable[[int], Vector]
+    ) -> Taken:
+        """Let what was read shift numbers, and where the members stand and are."""
+        count, there, kept = len(self.members), after.standing, self.kept
+        both = np.concatenate((kept.memory, there.memory[:count]), axis=1)
+        parts = (after.ends, there.coordinate, there.block, start.coordinate, start.block)
+        others = np.concatenate(parts, axis=1)
+        taken = self._take_in(both, after.read, others, self._given(at), read_behind)
+        stop, columns = len(self.channels), list[Matrix]()
+        for one in parts:
+            columns.append(taken.values[:, stop : stop + one.shape[1]])
+            stop += one.shape[1]
+        _, coordinate, block, kept.coordinate, kept.block = columns
+        width = kept.memory.shape[1]
+        kept.memory, memory = both[:, :width], both[:, width:]
+        self.now = Standing(memory, coordinate, block, there.position[:count], there.by_force, at.time)
+        return taken
+
+    def _follow(self, turned: Sequence[float | None], at: Moment) -> None:
+        """Move what is kept behind the drives, to where one has `turned`; members differ in where."""
+        spread = np.zeros_like(self.committed)
+        if self.of_machines or turned.count(None) < len(turned):
+            sd = np.array([TRAIL.turn_error * one.noise for one in self._driving])
+            spread = self._deviations(len(self.members), sd, self._known())
+        for i, (drive, one) in enumerate(zip(self._driving, turned, strict=True)):
+            if one is not None:
+                drive.committed, self.committed[:, i] = one, one + spread[:, i]
+            elif drive.way * (drive.safe() - drive.committed) > 0.0:
+                drive.committed = self.committed[:, i] = drive.safe()
+        self.kept = self._stepped(self.kept, self.members, self.committed, at, self._span(at), 0.0).standing
+
+    def _result(self, taken: Taken) -> FollowedRig:
+        mean, spread = mean_and_sd(taken.values)
+        c = len(self.channels)
+        read = {
+            name: (float(mean[i]), math.hypot(spread[i], taken.channels_by_drive[i]))
+            for i, name in enumerate(self.channels if self.of_machines else ())
+            if math.isfinite(mean[i])
+        }
+        return FollowedRig(
+            self.keys,
+            *self._covariance(),
+            mean[c : c + 4],
+            np.hypot(spread[c : c + 4], taken.ends_by_drive[:4]),
+            taken.innovation[:, 0],
+            np.sqrt(taken.innovation[:, 1]),
+            taken.beyond,
+            read,
+        )
 
     @abstractmethod
-    def step(self, arcs: Arcs, readings: Any, time: float, warmth: float = 0.0) -> FollowedRig:
-        """Move the drives of all members, and shift them by what was read; as the filters have it."""
+    def _used(self, at: Moment) -> tuple[Moment, list[float]]:
+        """Return what is used of a moment, and what its sensors read of the drives."""
 
     @abstractmethod
+    def _stepped(
+        self, start: Standing, numbers: Matrix, read: Matrix, at: Moment, span: float, passed: float
+    ) -> Stepped:
+        """Return what a step makes of as many members (then probes) as there are numbers.
+
+        Parameters
+        ----------
+        start
+            Where they stand before it.
+        numbers
+            [members, d] What is followed.
+        read
+            [members, drives] What the sensors of the drives read.
+        at
+            What was measured.
+        span, passed
+            How long it takes, and how long it is since lagging sensors read last [s].
+
+        Raises
+        ------
+        FitError
+            Where one finds no equilibrium.
+        """
+
+    @abstractmethod
+    def _given(self, at: Moment) -> Vector:
+        """Return what was read of each channel [c]; NaN is nothing that is used."""
+
+    def _lie_on(self, arcs: Arcs) -> None:
+        """Move the tendons to another route before a step."""
+
+    def _passed(self, after: Stepped, at: Moment) -> None:
+        """Keep what else is known after a moment."""
+
     def _tensions(self) -> Matrix:
         """Return the tension of each member at the ends of its tendons [ends, members] [N]."""
+        tendons = self.kept.memory.reshape(len(self.members), self.count, -1)
+        return tendons[:, :, [0, len(self.edge)]].reshape(len(self.members), -1).T
 
-    @abstractmethod
-    def _renew_lines(self) -> None:
-        """Draw the straight lines about the numbers as they are now; docs/model.md (201)."""
-
-    @abstractmethod
-    def about(self) -> Vector:
-        """Return the numbers about which plants are straight lines [d]."""
-
-    def _known(self) -> list[Vector]:
-        return [*self.members.T, *self._tensions()]
-
-    def _update_lines(self) -> None:
-        """Draw the straight lines about other values where the numbers went far."""
-        off = np.abs(self.values - self.about())
-        if (off > SETTINGS.straight * limits_of(self.numbers).scale).any():
-            self._renew_lines()
+    def _require_all(self, done: int, numbers: Matrix, what: str) -> None:
+        """Refuse a step in which not all members were done."""
+        if done < len(numbers):
+            said = ", ".join(f"{key} {value:g}" for key, value in zip(self.keys, numbers[done], strict=True))
+            raise FitError(f"there is no equilibrium of the {what} with {said}: take smaller steps")
 
     def _take_in(
         self,
@@ -179,10 +287,7 @@ class Ensemble(ABC):
         predicted: Matrix,
         ends: Matrix,
         given: Vector,
-        drives: Sequence[TrailedDrive],
         read_behind: Callable[[int], Vector],
-        *,
-        bars: int,
     ) -> Taken:
         """Shift numbers and memories by what was read; docs/model.md (203), (251).
 
@@ -194,13 +299,10 @@ class Ensemble(ABC):
             What each channel should read [members + probes, c], and all else that a reading shifts.
         given
             [c] What was read; NaN is nothing.
-        drives
-            The drives.
         read_behind
             What each channel should read of a member whose drive of this number has turned [c].
-        bars
-            Of each tendon.
         """
+        drives = self._driving
         count, pairs = len(self.members), (len(drives), PROBES, -1)
         probes = predicted[count:].reshape(pairs) - predicted[0]
         ends_by_drive = 0.5 * np.abs(np.diff(ends[count:].reshape(pairs), axis=1))[:, 0]
@@ -219,10 +321,10 @@ class Ensemble(ABC):
         if any(one.may_have_turned for one in drives):
             off = np.full(len(off), math.nan)
         off[bent > SETTINGS.bent * np.sqrt(self._noise_variance)] = math.nan
-        whole = np.ascontiguousarray(np.hstack((predicted, ends))[:count])
+        whole = np.concatenate((predicted[:count], ends[:count]), axis=1)
         _, innovation = core.assimilate(
-            after.shape[1] // (9 * bars + 7),
-            bars - 1,
+            2 * self.count,
+            len(self.edge),
             self.members,
             after,
             whole,
@@ -245,38 +347,3 @@ class Ensemble(ABC):
             felt = np.abs(does) > SETTINGS.felt * np.sqrt(self._noise_variance)
             signed = signed[felt & np.isfinite(signed)]
             one.weigh(float(signed.min()) if len(signed) else math.nan)
-
-    def _covariance(self) -> tuple[Vector, Matrix]:
-        """Return the numbers as they are now [d], and their covariance [d, d]."""
-        values = self.values
-        deviation = self.members - values
-        return values, deviation.T @ deviation / (len(self.members) - 1)
-
-    def _drift(self, span: float) -> None:
-        """Add what the numbers change by, uncorrelated with what members differ in; (204), (253)."""
-        self.waiting += span
-        if self.waiting < SETTINGS.drift_interval:
-            return
-        if not math.isnan(self.time):
-            self.drift.take(self.time, *mean_and_variance(self.members))
-        sd = np.sqrt(self.drift.variance * self.waiting)
-        self.waiting = 0.0
-        if sd.any():
-            self.members = self.members + self._deviations(len(self.members), sd, self._known())
-            self._bound()
-
-    def _deviations(self, count: int, sd: Vector, known: Sequence[Vector]) -> Matrix:
-        """Return [count, d] deviations of these sizes, uncorrelated in the sample with `known`."""
-        basis = np.linalg.qr(np.column_stack([np.ones(count), *known]))[0]
-        random = self.random.standard_normal((count, len(sd)))
-        random -= basis @ (basis.T @ random)
-        return np.linalg.qr(random)[0] * (math.sqrt(count - 1.0) * sd)
-
-    def _bound(self) -> None:
-        limits = limits_of(self.numbers)
-        np.maximum(self.members, limits.lower, out=self.members)
-        np.minimum(self.members, limits.upper, out=self.members)
-
-
-def _stated(numbers: Sequence[FollowedNumber]) -> Vector:
-    return np.array([one.hourly_change for one in numbers]) ** 2 / 3600.0

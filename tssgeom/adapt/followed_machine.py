@@ -47,7 +47,7 @@ def mean_history(now: MachineFilter, machine: Machine, time: float) -> MachineHi
     slip = memory[:, MEMORY.slip * bars : (MEMORY.slip + 1) * bars]
     np.rint(slip, out=slip)
     coordinate = at.coordinate.mean(axis=0)
-    motor, joint, lags = at.sensed.means()
+    motor, joint, lags = now.sensors.with_block(at.block).means()
     held = held_tensions(machine)[:, [0, -1]]
     return MachineHistory(
         MachineState(memory, coordinate),

@@ -10,11 +10,11 @@ from typing import Any, NamedTuple
 
 from tssgeom.adapt.alert import Alert, Cause
 from tssgeom.adapt.diagnosis import SLICE, Explanation
-from tssgeom.adapt.ensemble import SETTINGS, Ensemble
+from tssgeom.adapt.ensemble import Ensemble
 from tssgeom.adapt.kinds import kind_of, remarks
-from tssgeom.adapt.moments import Moment
-from tssgeom.adapt.readings import FollowedRig
-from tssgeom.adapt.saved_filters import Saved
+from tssgeom.adapt.members import SETTINGS
+from tssgeom.adapt.readings import FollowedRig, Moment
+from tssgeom.adapt.saved import SavedFilter
 from tssgeom.adapt.watch import WATCH, Watch
 from tssgeom.errors import SettingsError, TssgeomError
 from tssgeom.rig import Rig
@@ -54,7 +54,7 @@ class Follower:
         A filter of this rig to go on with.
     """
 
-    def __init__(self, rig: Rig, *, seed: int = 0, saved: Saved | None = None) -> None:
+    def __init__(self, rig: Rig, *, seed: int = 0, saved: SavedFilter | None = None) -> None:
         self._first, self._seed = rig, seed
         self._warnings = tuple[str, ...]()
         self._kind = kind_of(rig)
@@ -117,14 +117,14 @@ class Follower:
             self._warnings = remarks(self._kind, readings)
         return self._filter
 
-    def _go_on(self, saved: Saved) -> None:
+    def _go_on(self, saved: SavedFilter) -> None:
         self._filter, self._kind.measured = saved.restored(self._kind.with_noise()[0]), saved.measured
         self._coldest = saved.coldest
         self.carried.restart(saved.sensed, self.rig)
         self._alert, self._disagreed = saved.alert, saved.disagreed
         self._concluded = saved.alert is not None  # what it would be compared by is gone
 
-    def saved(self) -> Saved | None:
+    def saved(self) -> SavedFilter | None:
         """Return what a filter needs to go on after a restart; None before the first frame."""
         now = self._filter
         if now is None or math.isnan(now.time):
@@ -150,9 +150,10 @@ class Follower:
         if temperature is not None and math.isnan(self._coldest):
             self._coldest = temperature
         warmth = 0.0 if temperature is None else temperature - self._coldest
-        self._keep(Moment(time, arcs, readings, warmth))
+        moment = Moment(time, arcs, readings, warmth)
+        self._keep(moment)
         try:
-            self.known = now.step(arcs, readings, time, warmth)
+            self.known = now.step(moment)
         except TssgeomError:
             self._moments.pop()
             raise
@@ -248,7 +249,7 @@ class Follower:
             waiting = [one for one in self._moments if one.time > following.time]
             for one in waiting[:SLICE]:
                 try:
-                    following.step(one.arcs, one.readings, one.time, one.warmth)
+                    following.step(one)
                 except TssgeomError:
                     yield following
             if len(waiting) <= SLICE:

@@ -12,7 +12,7 @@ import numpy as np
 
 from tssgeom.adapt.ensemble import Ensemble
 from tssgeom.adapt.followed import FollowedNumber, with_numbers
-from tssgeom.adapt.moments import Moment
+from tssgeom.adapt.readings import Moment
 from tssgeom.adapt.rig_filter import RigFilter
 from tssgeom.effects.laws import FrictionLaw
 from tssgeom.effects.route import HiddenBend

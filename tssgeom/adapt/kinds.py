@@ -16,12 +16,10 @@ from tssgeom.adapt.followed_tendon import FollowedTendon, memory_on
 from tssgeom.adapt.machine_diagnosis import OF_MACHINE
 from tssgeom.adapt.machine_filter import MachineFilter
 from tssgeom.adapt.machine_readings import channels_read
-from tssgeom.adapt.moments import Moment
 from tssgeom.adapt.noise import assumed_noise, with_noise
-from tssgeom.adapt.readings import CHANNELS
+from tssgeom.adapt.readings import CHANNELS, Moment
 from tssgeom.adapt.rig_filter import RigFilter
 from tssgeom.adapt.saved import SavedFilter, captured
-from tssgeom.adapt.saved_machine import SavedMachineFilter, captured_machine
 from tssgeom.mechanism import tendon_count
 from tssgeom.rig import Rig, Sensor
 from tssgeom.route.pieces import Arcs
@@ -149,9 +147,9 @@ class OfMachine:
         kept = {name: one for name, one in followed.items() if name in self.rig.sensors or one != Sensor()}
         return msgspec.structs.replace(rig, sensors=kept)
 
-    def captured(self, now: Any, sensed: Arcs, coldest: float) -> SavedMachineFilter:
+    def captured(self, now: Any, sensed: Arcs, coldest: float) -> SavedFilter:
         """Return what a filter needs to go on."""
-        return captured_machine(now, self.with_noise()[0], sensed, self.measured)
+        return captured(now, self.with_noise()[0], sensed, self.measured, coldest)
 
     def explained(
         self, start: Any, moments: Sequence[Moment], since: float

@@ -21,8 +21,8 @@ from tssgeom.adapt.hypotheses import (
     turned,
 )
 from tssgeom.adapt.machine_filter import MachineFilter
-from tssgeom.adapt.moments import RUN, Moment, RunFromHere, grown
-from tssgeom.adapt.readings import noise_variance
+from tssgeom.adapt.moments import RUN, RunFromHere, grown
+from tssgeom.adapt.readings import Moment, noise_variance
 from tssgeom.arrays import Matrix
 from tssgeom.rig import Rig, Sensor
 from tssgeom.tendon.machine import machine_of, routed

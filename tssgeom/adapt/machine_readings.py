@@ -133,10 +133,6 @@ class SensorState:
         other.block = block
         return other
 
-    def copied(self) -> SensorState:
-        """Return the same, to go on by itself."""
-        return self.with_block(self.block.copy())
-
     def engaged_motor(self, angle: Vector, play: Vector) -> Vector:
         """Return angles of the motor behind the play [rad], and keep them; docs/model.md (59)."""
         self.block[:, 0] = _engaged(angle, play, self.block[:, 0])

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from tssgeom import core
 from tssgeom.adapt.drive import DriveTracker
 from tssgeom.adapt.ensemble import Ensemble
-from tssgeom.adapt.readings import CHANNELS, noise_variance
+from tssgeom.adapt.readings import CHANNELS, Moment, noise_variance
 from tssgeom.adapt.rig_filter import RigFilter
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.core.constants_tendon_rows import HELD, PLANT
@@ -23,17 +23,6 @@ from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.bars.model import model_of, setup_of
 from tssgeom.tendon.bars.sensors import sensed
-
-
-class Moment(NamedTuple):
-    """What came in at one time."""
-
-    time: float
-    arcs: Arcs
-    readings: Any
-    """`Readings` of one tendon, or `MachineReadings`."""
-    warmth: float
-    """Temperature above that of the first frame [K]."""
 
 
 class RunSettings(NamedTuple):

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from tssgeom.adapt.followed import SensorNumbers
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.rig import Sensor
+from tssgeom.route.pieces import Arcs
 
 CHANNELS = ("tension_in_N", "tension_out_N", "elongation_m")
 """What the filter takes as readings, beside the drive."""
@@ -30,6 +31,19 @@ class Readings(NamedTuple):
     def by_force(self) -> bool:
         """Whether the tension drives: a position is the better drive where both are measured."""
         return self.displacement_in is None
+
+
+class Moment(NamedTuple):
+    """What came in at one time."""
+
+    time: float
+    """[s]"""
+    arcs: Arcs
+    """The route, of a machine as sensed."""
+    readings: Any
+    """`Readings` of one tendon, or `MachineReadings`."""
+    warmth: float = 0.0
+    """Temperature above that of the first frame [K]."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,26 +1,33 @@
-"""The filter of one tendon and its alert as a plain object for JSON, and back to the last bit."""
+"""A filter and its alert as a plain object for JSON, and back to the last bit."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any, get_args
 
 import msgspec
+import numpy as np
 
 from tssgeom.adapt.alert import Alert
-from tssgeom.adapt.followed import FollowedNumber, followed_numbers, straight_lines
+from tssgeom.adapt.ensemble import Ensemble
+from tssgeom.adapt.followed import FollowedNumber, followed_numbers
+from tssgeom.adapt.machine_filter import MachineFilter
+from tssgeom.adapt.machine_readings import channels_read
+from tssgeom.adapt.members import Standing
 from tssgeom.adapt.readings import CHANNELS
-from tssgeom.adapt.rig_filter import DRIVES, Lying, RigFilter
+from tssgeom.adapt.rig_filter import RigFilter
 from tssgeom.adapt.saved_parts import (
     MOST,
+    VERSION,
     alert_of,
     check_memory,
     check_numbers,
     drift_of,
     drives_of,
     numbers_of,
+    plain,
     random_numbers,
     random_of,
     require_keys,
@@ -30,13 +37,13 @@ from tssgeom.adapt.saved_parts import (
 from tssgeom.adapt.trailed_drive import TrailedDrive
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.effects import AnyEffect
+from tssgeom.errors import SettingsError
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
-from tssgeom.tendon.bars.contact_grid import bends_of
-from tssgeom.tendon.bars.model import setup_of
+from tssgeom.tendon.machine_history import DriveName, Turning
 from tssgeom.tendon.saved import route_of
 
-_MUTABLE = ("displacement_in_m", *CHANNELS)
+_OF_MACHINE = {"drive", "recent", "joint"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,25 +53,25 @@ class SavedFilter:
     keys: tuple[str, ...]
     """Numbers that the rig names."""
     measured: tuple[str, ...]
-    """Tensions that the first frame measured."""
+    """Channels that the first frame measured; of a machine but for its drive."""
     more: tuple[FollowedNumber, ...]
     """What is followed beside the numbers that the rig names: mechanisms that explained alerts."""
     effects: tuple[AnyEffect, ...]
     """Effects that the rig lacks."""
     cut: Arcs
-    """The route on which the tendon was cut."""
+    """The route on which the tendons were cut."""
     sensed: Arcs
-    """The route on which it lies, as sensed."""
+    """The route on which they lie, as sensed."""
     about: Vector
     """[d]"""
     members: Matrix
     """[n, d]"""
-    now: Mapping[str, Any]
+    now: Standing
     """Where the members are by now."""
-    kept: Mapping[str, Any]
-    """Where they are behind the drive for sure."""
-    committed: Vector
-    """[n] What the sensor of the drive reads there."""
+    kept: Standing
+    """Where they are behind the drives for sure."""
+    committed: Matrix
+    """[n, drives] What the sensors of the drives read there."""
     muted: tuple[str, ...]
     time: float
     """[s]"""
@@ -81,119 +88,177 @@ class SavedFilter:
     """What readings and model disagreed in."""
     disagreed: float = math.nan
     """When they did last [s]."""
+    drive: DriveName | None = None
+    """What drives a machine; None of one tendon."""
+    recent: Matrix | None = None
+    joint: Turning | None = None
+    """As a `MachineFilter` has both."""
 
-    def restored(self, rig: Rig) -> RigFilter:
+    def restored(self, rig: Rig) -> Ensemble:
         """Return the filter on a rig that states the noise of all channels."""
         numbers = (*followed_numbers(rig, self.measured), *self.more)
-        whole = msgspec.structs.replace(rig, effects=(*rig.effects, *self.effects))
-        now = RigFilter(whole, numbers, self.cut)
+        now = _fresh(rig, self.effects, numbers, self.cut, self.drive)
         now.members, now.committed = self.members.copy(), self.committed.copy()
-        now.now, now.kept = (_lying(one) for one in (self.now, self.kept))
+        now.now, now.kept = self.now.copied(), self.kept.copied()
         now.muted, now.time, now.waiting = set(self.muted), self.time, self.waiting
-        now._lines = straight_lines(whole, numbers, self.about, self.cut, now.edge)
-        now._bends = bends_of(setup_of(whole))
-        now.drives = {name: TrailedDrive.of(kept) for name, kept in self.drives.items()}
+        now.draw_lines(self.about)
+        now.trackers = {name: TrailedDrive.of(one) for name, one in self.drives.items()}
         now.drift.rows = self.drift.copy()
+        if isinstance(now, MachineFilter):
+            assert self.joint is not None
+            now.recent, now.joint = self.recent, self.joint
         set_random(now, self.random)
         return now
 
 
-def captured(
-    now: RigFilter, rig: Rig, sensed: Arcs, measured: tuple[str, ...], coldest: float
-) -> SavedFilter:
+def _fresh(
+    rig: Rig,
+    effects: Sequence[AnyEffect],
+    numbers: Sequence[FollowedNumber],
+    cut: Arcs,
+    drive: DriveName | None,
+) -> Ensemble:
+    whole = msgspec.structs.replace(rig, effects=(*rig.effects, *effects))
+    return RigFilter(whole, numbers, cut) if drive is None else MachineFilter(whole, numbers, cut, drive)
+
+
+def captured(now: Ensemble, rig: Rig, sensed: Arcs, measured: tuple[str, ...], coldest: float) -> SavedFilter:
     """Return what a filter of a `rig` needs to go on; `now` may go on meanwhile."""
     own = tuple(one.key for one in followed_numbers(rig, measured))
-    effects = tuple(one for one in now.rig.effects if one not in rig.effects)
+    of_machine = {name: getattr(now, name) for name in _OF_MACHINE if isinstance(now, MachineFilter)}
     return SavedFilter(
         keys=own,
         measured=measured,
         more=now.numbers[len(own) :],
-        effects=effects,
+        effects=tuple(one for one in now.rig.effects if one not in rig.effects),
         cut=now.cut,
         sensed=sensed,
-        about=now._lines.about,
+        about=now.about,
         members=now.members.copy(),
-        now=_plain_lying(now.now),
-        kept=_plain_lying(now.kept),
+        now=now.now.copied(),
+        kept=now.kept.copied(),
         committed=now.committed.copy(),
         muted=tuple(sorted(now.muted)),
         time=now.time,
         waiting=now.waiting,
         coldest=coldest,
-        drives={name: drive.plain() for name, drive in now.drives.items()},
+        drives={name: one.plain() for name, one in now.trackers.items()},
         drift=now.drift.rows.copy(),
         random=random_of(now),
+        **of_machine,
     )
 
 
-def checked_filter(saved: Mapping[str, Any], rig: Rig) -> SavedFilter:
-    """Return what `filter_object` wrote of one tendon."""
-    measured = tuple(saved["measured"])
-    require_sound(set(measured) <= set(CHANNELS), "measured")
+def filter_object(saved: SavedFilter) -> dict[str, Any]:
+    """Return a filter as an object for JSON, from which `filter_of` makes the same to the last bit."""
+    values = {field.name: getattr(saved, field.name) for field in fields(saved)}
+    if saved.drive is None:
+        values = {name: one for name, one in values.items() if name not in _OF_MACHINE}
+        values["committed"] = saved.committed[:, 0]
+    else:
+        values["kept_time"] = saved.kept.time
+    names = _standing_names(saved.drive)
+    for standing in ("now", "kept"):
+        values[standing] = {name: getattr(values[standing], name) for name in names}
+    written = {name: plain(value) for name, value in values.items()}
+    return written | {"version": VERSION, "random": [f"{number:x}" for number in saved.random]}
+
+
+def _standing_names(drive: DriveName | None) -> tuple[str, ...]:
+    """Return which fields of where members stand are saved."""
+    return ("memory", "position", "by_force", "time") if drive is None else ("memory", "coordinate", "block")
+
+
+def filter_of(saved: Any, rig: Rig) -> SavedFilter:
+    """Return what `filter_object` wrote.
+
+    Raises
+    ------
+    SettingsError
+        Where it is of another version, is none of a filter, or follows other numbers than the rig names.
+    """
+    try:
+        version = saved.get("version")
+        if version != VERSION:
+            raise SettingsError(
+                f"the saved filter has version {version!r}, this program reads {VERSION}: it is not used"
+            )
+        return _checked(saved, rig)
+    except SettingsError:
+        raise
+    except (LookupError, TypeError, ValueError, AttributeError, OverflowError, msgspec.MsgspecError) as error:
+        raise SettingsError(f"the saved filter is broken ({error!r}): it is not used") from error
+
+
+def _checked(saved: Mapping[str, Any], rig: Rig) -> SavedFilter:
+    channels = channels_read(rig) if rig.is_machine else CHANNELS
+    mutable = channels if rig.is_machine else ("displacement_in_m", *CHANNELS)
+    measured, muted = tuple(saved["measured"]), tuple(saved["muted"])
+    require_sound(set(measured) <= set(channels), "measured")
+    require_sound(set(muted) <= set(mutable), "muted")
     more = msgspec.convert(saved["more"], tuple[FollowedNumber, ...])
     effects = msgspec.convert(saved["effects"], tuple[AnyEffect, ...])
-    own = tuple(one.key for one in followed_numbers(rig, measured))
-    require_keys(saved, own)
-    cut, sensed = route_of(saved["cut"]), route_of(saved["sensed"])
-    width = len(own) + len(more)
-    members = numbers_of(saved["members"])
-    fresh = RigFilter(
-        msgspec.structs.replace(rig, effects=(*rig.effects, *effects)),
-        (*followed_numbers(rig, measured), *more),
-        cut,
-    )
-    arrays = {name: numbers_of(saved[name]) for name in ("about", "committed")}
-    require_sound(members.shape == fresh.members.shape, "members")
-    for name, shape in {"about": (width,), "committed": fresh.committed.shape}.items():
-        require_sound(arrays[name].shape == shape, name)
-    check_numbers(fresh, members, arrays["about"])
-    muted = tuple(saved["muted"])
-    require_sound(set(muted) <= set(_MUTABLE), "muted")
-    scalars = {name: float(saved[name]) for name in ("time", "waiting")}
-    require_sound(all(abs(value) <= MOST for value in scalars.values()), "time or waiting")
-    coldest = math.nan if saved["coldest"] is None else float(saved["coldest"])
+    own = followed_numbers(rig, measured)
+    require_keys(saved, tuple(one.key for one in own))
+    drive = saved["drive"] if rig.is_machine else None
+    require_sound(not rig.is_machine or drive in get_args(DriveName), "drive")
+    cut = route_of(saved["cut"])
+    fresh = _fresh(rig, effects, (*own, *more), cut, drive)
+    arrays = {name: numbers_of(saved[name]) for name in ("about", "members", "committed")}
+    arrays["committed"] = arrays["committed"].reshape(len(fresh.members), -1)
+    for name, one in arrays.items():
+        require_sound(one.shape == getattr(fresh, name).shape, name)
+    check_numbers(fresh, arrays["members"], arrays["about"])
+    time, waiting = float(saved["time"]), float(saved["waiting"])
+    kept_time = float(saved["kept_time"]) if rig.is_machine else time
+    require_sound(all(abs(one) <= MOST for one in (time, waiting, kept_time)), "time or waiting")
+    coldest = math.nan if saved.get("coldest") is None else float(saved["coldest"])
     require_sound(not math.isinf(coldest), "coldest")
+    if rig.is_machine:
+        recent = None if saved["recent"] is None else numbers_of(saved["recent"])
+        of_machine = {"drive": drive, "recent": recent, "joint": _turning(saved["joint"])}
+    else:
+        of_machine = {}
     return SavedFilter(
-        keys=own,
+        keys=tuple(one.key for one in own),
         measured=measured,
         more=more,
         effects=effects,
         cut=cut,
-        sensed=cut if saved["sensed"] == saved["cut"] else sensed,
-        members=members,
-        about=arrays["about"],
-        now=_checked_lying(saved["now"], fresh),
-        kept=_checked_lying(saved["kept"], fresh),
-        committed=arrays["committed"],
+        sensed=cut if saved["sensed"] == saved["cut"] else route_of(saved["sensed"]),
+        now=_standing(saved["now"], fresh, drive, time),
+        kept=_standing(saved["kept"], fresh, drive, kept_time),
         muted=muted,
-        time=scalars["time"],
-        waiting=scalars["waiting"],
+        time=time,
+        waiting=waiting,
         coldest=coldest,
-        drives=drives_of(saved["drives"], DRIVES),
+        drives=drives_of(saved["drives"], tuple(fresh.trackers)),
         drift=drift_of(saved["drift"], fresh),
         random=random_numbers(saved["random"]),
-        **alert_of(saved, _MUTABLE),
+        **arrays,
+        **of_machine,
+        **alert_of(saved, mutable),
     )
 
 
-def _plain_lying(one: Lying) -> dict[str, Any]:
-    return {
-        "memory": one.memory.copy(),
-        "position": one.position.copy(),
-        "by_force": bool(one.by_force),
-        "time": one.time,
-    }
+def _standing(saved: Mapping[str, Any], fresh: Ensemble, drive: DriveName | None, time: float) -> Standing:
+    """Return where members stand, at a time [s] where that is not saved with it."""
+    values = dict[str, Any]()
+    for name in _standing_names(drive):
+        like = getattr(fresh.now, name)
+        if isinstance(like, np.ndarray):
+            values[name] = numbers_of(saved[name], may_lack=name == "block")
+            require_sound(values[name].shape == like.shape, name)
+        else:
+            values[name] = float(saved[name]) if name == "time" else saved[name]
+    require_sound(isinstance(values.get("by_force", False), bool), "by_force")
+    one = replace(fresh.now, **{"time": time, **values})
+    require_sound(abs(one.time) <= MOST, "time")
+    check_memory(one.memory.reshape(len(fresh.members) * fresh.count, -1), len(fresh.edge))
+    return one
 
 
-def _lying(saved: Mapping[str, Any]) -> Lying:
-    return Lying(saved["memory"].copy(), saved["position"].copy(), saved["by_force"], saved["time"])
-
-
-def _checked_lying(saved: Mapping[str, Any], fresh: RigFilter) -> dict[str, Any]:
-    memory, position = numbers_of(saved["memory"]), numbers_of(saved["position"])
-    require_sound(memory.shape == fresh.now.memory.shape, "memory")
-    require_sound(position.shape == fresh.now.position.shape, "position")
-    check_memory(memory, len(fresh.edge))
-    time = float(saved["time"])
-    require_sound(isinstance(saved["by_force"], bool) and abs(time) <= MOST, "by_force or time")
-    return {"memory": memory, "position": position, "by_force": saved["by_force"], "time": time}
+def _turning(saved: Any) -> Turning:
+    numbers = [math.nan if one is None else float(one) for one in saved]
+    require_sound(not any(math.isinf(one) for one in numbers), "turning")
+    return Turning(*numbers)

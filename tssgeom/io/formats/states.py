@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import msgspec
 
-from tssgeom.adapt.saved_filters import Saved, filter_object, filter_of
+from tssgeom.adapt.saved import SavedFilter, filter_object, filter_of
 from tssgeom.atomic import write_text
 from tssgeom.errors import SettingsError
 from tssgeom.io.formats.paths import bytes_of
@@ -40,7 +40,7 @@ def origin_of(rig: Rig) -> Origin:
 
 
 def write_state(
-    path: Path, state: Carried, followed: Saved | None = None, origin: Origin | None = None
+    path: Path, state: Carried, followed: SavedFilter | None = None, origin: Origin | None = None
 ) -> None:
     """Write a state as JSON, and the filter of its rig where that is followed.
 
@@ -95,7 +95,7 @@ def origin_remark(path: Path, rig: Rig) -> str:
     return f"{path}: the state is of {' and '.join(other)}: its tensions are kept; remove it to start anew"
 
 
-def read_filter(path: Path, rig: Rig) -> Saved | None:
+def read_filter(path: Path, rig: Rig) -> SavedFilter | None:
     """Read the filter of a rig that `write_state` wrote, to the last bit; None where there is none.
 
     Raises

@@ -1,0 +1,217 @@
+"""Members of an ensemble: the numbers of each, how they drift, and where members stand.
+
+Source: docs/model.md (200), (201), (204), (253).
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tssgeom.adapt.drift_rate import DriftRate
+from tssgeom.adapt.followed import FollowedNumber, limits_of, with_numbers
+from tssgeom.adapt.readings import mean_and_variance
+from tssgeom.arrays import Matrix, Vector
+from tssgeom.rig import Rig
+
+
+class FilterSettings(NamedTuple):
+    """Numbers of the filter."""
+
+    members: int = 64
+    """Tendons [1]. Chosen: the error of a correlation of two of them is an eighth."""
+    drift_interval: float = 0.05
+    """Time between two additions of drift [s]. Chosen: small beside any phase of a motion."""
+    bent: float = 0.3
+    """Share of its noise by which an error of the drive may bend a reading that is used [1]. Chosen: just
+    behind a turn the tension is no straight line over the drive, and its mean would be biased."""
+    felt: float = 0.01
+    """Share of its noise by which a drive has to move a reading that shows its turn [1]; chosen: less is
+    rounding."""
+    straight: float = 2.0
+    """Scales of a number after which its straight line is computed anew [1]. Chosen: friction is exact,
+    (201)."""
+    least_noise: float = 1e-6
+    """Noise of a channel that states none [N, m]. Chosen: below every sensor."""
+    first_span: float = 1e-2
+    """Time that the first step takes [s]; chosen: only effects over time feel it."""
+
+
+SETTINGS = FilterSettings()
+PLAYS = 2
+"""First columns of a `block`, which plays keep, before those of lagging sensors."""
+
+
+@dataclass(slots=True)
+class Standing:
+    """Where members stand."""
+
+    memory: Matrix
+    """[members, …] What the tendons of each remember."""
+    coordinate: Matrix
+    """[members, m] Coordinates of the end of a machine; none of one tendon."""
+    block: Matrix
+    """[members, …] What plays and lagging sensors of a machine keep; nothing of one tendon."""
+    position: Vector
+    """[members] Where the drive of one tendon is [m]; 0 of a machine."""
+    by_force: bool
+    """Whether the tension drove one tendon there."""
+    time: float
+    """[s]"""
+
+    def with_rows(self, rows: NDArray[np.int64]) -> Standing:
+        """Return those of some members."""
+        return Standing(
+            self.memory.take(rows, axis=0),
+            self.coordinate.take(rows, axis=0),
+            self.block.take(rows, axis=0),
+            self.position.take(rows),
+            self.by_force,
+            self.time,
+        )
+
+    def copied(self) -> Standing:
+        """Return the same, to be changed by itself."""
+        return self.with_rows(np.arange(len(self.memory)))
+
+
+class Members(ABC):
+    """Members of an ensemble, each with its own numbers.
+
+    Parameters
+    ----------
+    rig
+        The rig.
+    numbers
+        What is followed.
+    seed
+        Of the numbers at the start and of the drift.
+    """
+
+    def __init__(self, rig: Rig, numbers: Sequence[FollowedNumber], seed: int) -> None:
+        self.rig, self.numbers = rig, tuple(numbers)
+        self.random = np.random.default_rng(seed)
+        sd = np.array([one.sd for one in numbers])
+        self.members = np.array([one.value for one in numbers]) + self._deviations(SETTINGS.members, sd, [])
+        self._bound()
+        self.time = math.nan
+        self.drift = DriftRate(_stated(numbers))
+        self.waiting = 0.0
+        self.draw_lines(np.array([one.value for one in numbers]))
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """What is followed."""
+        return tuple(one.key for one in self.numbers)
+
+    @property
+    def values(self) -> Vector:
+        """[d] The numbers as they are now."""
+        return self.members.sum(axis=0) / len(self.members)
+
+    def rig_now(self) -> Rig:
+        """Return the rig with the followed numbers as they are now."""
+        return with_numbers(self.rig, dict(zip(self.keys, self.values.tolist(), strict=True)))
+
+    def copied(self) -> Self:
+        """Return a filter that goes on from here by itself."""
+        other = copy.copy(self)
+        for name, value in vars(self).items():
+            if isinstance(value, np.ndarray | set | np.random.Generator | DriftRate):
+                setattr(other, name, copy.deepcopy(value))
+        return other
+
+    def with_more(self, more: Sequence[FollowedNumber], rig: Rig) -> Self:
+        """Return a filter that goes on from here and follows further numbers of a rig too."""
+        other = self.copied()
+        other.rig, other.numbers = rig, (*self.numbers, *more)
+        value, sd = np.array([(one.value, one.sd) for one in more]).reshape(-1, 2).T
+        spread = other._deviations(len(self.members), sd, self._known())
+        other.members = np.hstack((self.members, value + spread))
+        other.drift = self.drift.with_more(_stated(more))
+        other._bound()
+        other.draw_lines(other.values)
+        return other
+
+    def reopen(self, sds: Vector) -> None:
+        """Let the numbers have at least these standard deviations [d] again: what is known of them is old."""
+        now = self.members.std(axis=0, ddof=1)
+        missing = np.sqrt(np.maximum(sds**2 - now**2, 0.0))
+        self.members = self.members + self._deviations(len(self.members), missing, self._known())
+        self.drift.restart()
+        self._bound()
+
+    def set_numbers(self, values: Mapping[str, float], sds: Mapping[str, float]) -> None:
+        """Set some numbers to other values with these standard deviations, uncorrelated with all else."""
+        chosen = [i for i, key in enumerate(self.keys) if key in values]
+        keys = [self.keys[i] for i in chosen]
+        known = [*np.delete(self.members, chosen, axis=1).T, *self._tensions()]
+        spread = self._deviations(len(self.members), np.array([sds[key] for key in keys]), known)
+        self.members[:, chosen] = np.array([values[key] for key in keys]) + spread
+        self.drift.restart()
+        self._bound()
+        self._update_lines()
+
+    def _known(self) -> list[Vector]:
+        return [*self.members.T, *self._tensions()]
+
+    def draw_lines(self, about: Vector) -> None:
+        """Draw the straight lines about these numbers [d]; docs/model.md (201)."""
+        self.about = about
+        self._draw_lines()
+
+    @abstractmethod
+    def _draw_lines(self) -> None:
+        """Draw them about the numbers `about`."""
+
+    @abstractmethod
+    def _tensions(self) -> Matrix:
+        """Return the tension of each member at the ends of its tendons [ends, members] [N]."""
+
+    def _update_lines(self) -> None:
+        """Draw the straight lines about other values where the numbers went far."""
+        off = np.abs(self.values - self.about)
+        if (off > SETTINGS.straight * limits_of(self.numbers).scale).any():
+            self.draw_lines(self.values)
+
+    def _covariance(self) -> tuple[Vector, Matrix]:
+        """Return the numbers as they are now [d], and their covariance [d, d]."""
+        values = self.values
+        deviation = self.members - values
+        return values, deviation.T @ deviation / (len(self.members) - 1)
+
+    def _drift(self, span: float) -> None:
+        """Add what the numbers change by, uncorrelated with what members differ in; (204), (253)."""
+        self.waiting += span
+        if self.waiting < SETTINGS.drift_interval:
+            return
+        if not math.isnan(self.time):
+            self.drift.take(self.time, *mean_and_variance(self.members))
+        sd = np.sqrt(self.drift.variance * self.waiting)
+        self.waiting = 0.0
+        if sd.any():
+            self.members = self.members + self._deviations(len(self.members), sd, self._known())
+            self._bound()
+
+    def _deviations(self, count: int, sd: Vector, known: Sequence[Vector]) -> Matrix:
+        """Return [count, d] deviations of these sizes, uncorrelated in the sample with `known`."""
+        basis = np.linalg.qr(np.column_stack([np.ones(count), *known]))[0]
+        random = self.random.standard_normal((count, len(sd)))
+        random -= basis @ (basis.T @ random)
+        return np.linalg.qr(random)[0] * (math.sqrt(count - 1.0) * sd)
+
+    def _bound(self) -> None:
+        limits = limits_of(self.numbers)
+        np.maximum(self.members, limits.lower, out=self.members)
+        np.minimum(self.members, limits.upper, out=self.members)
+
+
+def _stated(numbers: Sequence[FollowedNumber]) -> Vector:
+    return np.array([one.hourly_change for one in numbers]) ** 2 / 3600.0
