@@ -1,5 +1,7 @@
 """A rig that is followed, beside the independent simulator: drifts, faults, and sound running."""
 
+import json
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,7 @@ from tests.adapt.rigs import errors, followed, rig_of
 from tests.twins import scenarios
 from tssgeom.adapt.followed_tendon import FollowedTendon
 from tssgeom.adapt.follower import Follower
+from tssgeom.adapt.saved import filter_object, filter_of
 from tssgeom.rig import GivenRoute, Rig
 from tssgeom.route.pieces import Arcs
 
@@ -60,7 +63,7 @@ def test_a_fault_is_detected_in_time_and_named(kind, mechanism, where):
     assert sum(one.probability for one in alert.explanations) == pytest.approx(1.0)
 
 
-def test_a_kink_is_measured():
+def test_a_kink_is_measured_and_saved_with_the_filter():
     scenario = scenarios.kinked_sheath(0, 0.04)
     follower = Follower(rig_of(scenario))
     for _ in followed(scenario, follower, scenario.begins_s + 14.0):
@@ -68,6 +71,13 @@ def test_a_kink_is_measured():
     assert follower.alert is not None
     words = follower.alert.explanations[0].sentence
     assert float(words.split()[3]) == pytest.approx(0.8, abs=0.2)
+    assert follower.filter is not None
+    assert "hidden_bend.angle_rad" in follower.filter.keys
+    saved = json.loads(json.dumps(filter_object(follower.saved()), allow_nan=False))
+    again = Follower(rig_of(scenario), saved=filter_of(saved, rig_of(scenario))).filter
+    assert again is not None
+    assert again.keys == follower.filter.keys
+    assert (again.members == follower.filter.members).all()
 
 
 def test_the_rig_goes_on_without_a_sensor_that_is_unplugged():

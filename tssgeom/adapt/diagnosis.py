@@ -66,7 +66,8 @@ class _Fit:
 
     @property
     def values(self) -> list[float]:
-        return [one.value + one.sd * u for one, u in zip(self.hypothesis.numbers, self.u, strict=True)]
+        numbers = zip(self.hypothesis.numbers, self.u.tolist(), strict=True)
+        return [one.value + one.sd * u for one, u in numbers]
 
     @property
     def log_evidence(self) -> float:
@@ -191,7 +192,7 @@ def _followed(sound: Ensemble, best: _Fit) -> Ensemble:
             at = sound.keys.index("friction.coefficient")
             sound.reopen(np.eye(len(sound.keys))[at] * 0.5 * sound.values[at])
         return sound
-    se = np.sqrt(np.diag(best.covariance))
+    se = np.sqrt(np.diag(best.covariance)).tolist()
     sought = {
         number.key: replace(number, value=value, sd=max(2.0 * u * number.sd, 0.02 * number.sd))
         for number, value, u in zip(one.numbers, best.values, se, strict=True)

@@ -26,6 +26,7 @@ from tssgeom.adapt.saved_parts import (
     check_numbers,
     drift_of,
     drives_of,
+    more_of,
     numbers_of,
     plain,
     random_numbers,
@@ -196,7 +197,7 @@ def _checked(saved: Mapping[str, Any], rig: Rig) -> SavedFilter:
     measured, muted = tuple(saved["measured"]), tuple(saved["muted"])
     require_sound(set(measured) <= set(channels), "measured")
     require_sound(set(muted) <= set(mutable), "muted")
-    more = msgspec.convert(saved["more"], tuple[FollowedNumber, ...])
+    more = more_of(saved["more"])
     effects = msgspec.convert(saved["effects"], tuple[AnyEffect, ...])
     own = followed_numbers(rig, measured)
     require_keys(saved, tuple(one.key for one in own))

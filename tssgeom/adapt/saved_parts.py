@@ -12,6 +12,7 @@ import numpy as np
 
 from tssgeom.adapt.alert import Alert
 from tssgeom.adapt.ensemble import Ensemble
+from tssgeom.adapt.followed import FollowedNumber
 from tssgeom.adapt.trailed_drive import TrailedDrive
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.core.constants_tendon_rows import HELD, MEMORY
@@ -57,6 +58,13 @@ def drives_of(saved: Mapping[str, Any], names: Sequence[str]) -> dict[str, dict[
     """Return what was kept of drives."""
     require_sound(set(saved) == set(names), "drives")
     return {name: _drive_of(saved[name]) for name in names}
+
+
+def more_of(saved: Any) -> tuple[FollowedNumber, ...]:
+    """Return what is followed beside the numbers of the rig; JSON has null for a bound that is infinite."""
+    none = {"lower": -math.inf, "upper": math.inf}
+    numbers = [one | {side: far for side, far in none.items() if one[side] is None} for one in saved]
+    return msgspec.convert(numbers, tuple[FollowedNumber, ...])
 
 
 def drift_of(saved: Mapping[str, Any], fresh: Ensemble) -> Matrix:
