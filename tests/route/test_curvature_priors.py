@@ -1,14 +1,17 @@
 """Few points do not show what a route does between them: error bars hold what its curvature may do; (235)."""
 
+import math
 from itertools import product
 
 import numpy as np
 import pytest
 
+from tssgeom.route.bend_priors import cells, form_of, oscillations
 from tssgeom.route.curvature_priors import turned_between
 from tssgeom.route.geometry import measure
+from tssgeom.route.model_average import with_turned
 from tssgeom.route.observations import clean
-from tssgeom.route.route_fit import RouteFit
+from tssgeom.route.route_fit import RouteFit, Turned
 from tssgeom.route.synthetic import Course, chain, half_circle, positions
 from tssgeom.route.tracking import follow
 
@@ -104,7 +107,7 @@ def smooth_fit(points: np.ndarray, noise: float) -> RouteFit:
 def test_on_a_circle_the_walks_agree_with_the_fit_and_turns_at_points_have_no_evidence():
     points = sensed(half_circle(), 8, 1e-5, np.random.default_rng(0))
     fit = smooth_fit(points, 1e-5)
-    at_points, walk, smooth = turned_between(points, fit, 1e-5)
+    at_points, walk, _, smooth = turned_between(points, fit, 1e-5)
     for one in (walk, smooth):
         assert fit.arcs.total_angle + one.angle == pytest.approx(np.pi, abs=0.03)
         assert fit.arcs.total_length + one.length == pytest.approx(0.5, abs=2e-3)
@@ -114,7 +117,7 @@ def test_on_a_circle_the_walks_agree_with_the_fit_and_turns_at_points_have_no_ev
 def test_bends_between_straights_turn_as_their_polygon_does():
     points = sensed(STRAIGHTS, 8, 1e-4, np.random.default_rng(1))
     fit = smooth_fit(points, 1e-4)
-    at_points, walk, smooth = turned_between(points, fit, 1e-4)
+    at_points, walk, _, smooth = turned_between(points, fit, 1e-4)
     assert at_points.log_evidence > max(walk.log_evidence, smooth.log_evidence)
     assert fit.arcs.total_angle + at_points.angle == pytest.approx(STRAIGHTS.total_angle, abs=0.1)
 
@@ -134,3 +137,57 @@ def test_what_points_allow_goes_on_in_a_stream():
     assert second.fit.turned == first.fit.turned != ()
     assert second.fit.arcs.total_angle_se > 0.9 * first.model_choice_variance**0.5
     assert not second.fit.strip().turned
+
+
+def alternating(n: int, noise: float, trial: int) -> tuple[np.ndarray, Course]:
+    """Four arcs in a plane that alternate [m], about three points on each."""
+    rng = np.random.default_rng([n, trial])
+    kappa = rng.uniform(0.5, 1.0, 4) * (-1.0) ** np.arange(4)
+    course = chain(np.full(4, LENGTH / 4), kappa * rng.uniform(1.0, 5.0) / (LENGTH / 4 * np.abs(kappa).sum()))
+    return sensed(course, n, noise, rng), course
+
+
+def test_arcs_that_alternate_are_not_noise():
+    off, waves = list[float](), list[float]()
+    for trial in range(60):
+        points, course = alternating(12, 2e-4, trial)
+        fit = measure(clean(points))
+        off.append((fit.arcs.total_angle - course.total_angle) / fit.arcs.total_angle_se)
+        at_points, walk, oscillates, smooth = turned_between(points, smooth_fit(points, 2e-4), None)
+        waves.append(oscillates.log_evidence - max(walk.log_evidence, smooth.log_evidence))
+        assert at_points.angle_variance > 0.0
+    assert np.mean(np.abs(off) < 1.96) >= 0.9
+    assert np.median(waves) > 3.0
+
+
+def test_what_points_show_of_the_form_of_a_bend_is_certain():
+    wave = oscillations(40)[0]
+    bend = np.zeros((48, 2, 64))
+    bend[:, 0] = 6.0 * np.sin(2.0 * np.pi * cells())[:, None]
+    rng = np.random.default_rng(0)
+    assert form_of(wave.half_waves, bend, 40, 1e-6, rng) == pytest.approx(1.0)
+    hidden, few = (form_of(wave.half_waves, bend, *one, rng) for one in ((40, 0.02), (5, 1e-6)))
+    for form in (hidden, few):
+        assert set(np.round(form, 3)) == {0.785, 1.0, 1.234}
+
+
+def test_a_sine_turns_less_than_arcs_with_its_first_harmonic_and_more_than_turns_at_points():
+    x = (np.arange(6000) + 0.5) / 6000 * np.pi
+    sine, steps = np.sin(x), np.full(6000, np.pi / 4)
+    turns = np.zeros(6000)
+    turns[2999:3001] = 1.0
+    for shape, share in ((steps, np.pi**2 / 8), (turns / (turns @ sine) * (sine @ sine), np.pi / 4)):
+        assert shape @ sine == pytest.approx(sine @ sine, rel=1e-3)
+        assert shape.sum() / sine.sum() == pytest.approx(share, rel=1e-3)
+
+
+def test_a_prior_that_oscillates_has_its_odds_to_the_others_beside_the_chains():
+    def known(*evidence: float) -> tuple[Turned, ...]:
+        return tuple(Turned(0.0, 0.1, 0.0, 0.1, one) for one in evidence)
+
+    none = with_turned(np.array([0.2, 0.5, 0.3]), known(0.0, 0.0, -1000.0, 0.0))
+    assert none == pytest.approx([0.2 / 3, 0.5, 0.3, 0.2 / 3, 0.2 / 3, 0.0])
+    much = with_turned(np.array([0.2, 0.8]), known(0.0, 0.0, 20.0, 0.0))
+    assert much[-1] > 0.99
+    proven = with_turned(np.array([math.exp(-50.0), 1.0]), known(0.0, 0.0, 20.0, 0.0))
+    assert proven[1] == pytest.approx(1.0)

@@ -1,24 +1,27 @@
 """Φ and the length of a route by few points, by what curvature may do between them; docs/model.md (235).
 
-Three priors are compared by their evidence: turns at the points alone, curvature that is a random walk, as it
-is in the mean for arcs, and curvature whose rate is one. Each is sampled given the points.
+Four priors are compared by their evidence: turns at the points alone, curvature that is a random walk, as it
+is in the mean for arcs, curvature that oscillates, and curvature whose rate is a random walk. Each is sampled
+given the points.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 
 from tssgeom.arrays import Matrix, Points, Vector, rows_at
+from tssgeom.route.bend_priors import Prior, at_points, cells, form_of, oscillations, walk
 from tssgeom.route.bounds import polygon
 from tssgeom.route.error_posterior import GRID
 from tssgeom.route.model_choice import NOISE_PRIOR, log_sum, noise_price
 from tssgeom.route.ratio_average import GRID as RATIO
 from tssgeom.route.resolution import bend_without_twist, without_twist
-from tssgeom.route.route import Route, step_lengths
+from tssgeom.route.route import STATIONS, Route, step_lengths
 from tssgeom.route.route_fit import RouteFit, Turned
 from tssgeom.threads import single_threaded
 
@@ -57,19 +60,10 @@ class _Linear(NamedTuple):
     """Feet of the points [n]."""
 
 
-class _Prior(NamedTuple):
-    """Independent components of the curvature."""
-
-    scaled: Matrix
-    """Curvature by those of intensity 1 [cells, r]."""
-    fixed: Matrix
-    """Curvature by those whose size is known beforehand [cells, f]."""
-
-
 class _Posterior(NamedTuple):
     """What points show of the components, whatever the start of the route."""
 
-    prior: _Prior
+    prior: Prior
     by_scaled: Matrix
     """Points by the components of both normals, turned so that these make independent ones [m, 2 r]."""
     by_fixed: Matrix
@@ -81,13 +75,14 @@ class _Posterior(NamedTuple):
 
 
 def turned_between(points: Points, smooth: RouteFit, noise: float | None) -> tuple[Turned, ...]:
-    """Return Φ and length of routes by points [n, 3] [m] beyond a smooth fit, by prior; the last is smooth.
+    """Return Φ and length of routes by points [n, 3] [m] beyond a smooth fit, by prior.
 
-    The noise [m] is averaged over where it is not known.
+    The last prior is smooth, the one before it oscillates. The noise [m] is averaged over where it is not
+    known.
 
     Notes
     -----
-    Source: docs/model.md (235) to (237).
+    Source: docs/model.md (229), (235) to (237).
     """
     route, arcs = smooth.route, smooth.arcs
     used, unit = route.weight > 0.0, float(route.s[-1])
@@ -97,10 +92,14 @@ def turned_between(points: Points, smooth: RouteFit, noise: float | None) -> tup
             points[used] / unit, route.station[used] / unit, _first(route), noises, price
         )
         rng = np.random.default_rng(0)
-        priors = (_at_points(linear.station), _walk(1, turn), _walk(2, turn))
-        every = [_posterior(linear, prior, noises, price) for prior in priors]
-        moments = [_moments(_sampled(one, noises, rng), linear.station, curve) for one in every]
-    evidence = [log_sum(one.log_evidence.ravel()) for one in every]
+        waves = oscillations(int(np.count_nonzero(used)))
+        priors = ((at_points(linear.station),), (walk(1, turn),), waves, (walk(2, turn),))
+        every = [[_posterior(linear, one, noises, price) for one in alike] for alike in priors]
+        moments = [_moments(*_sampled(alike, noises, rng), linear.station, curve) for alike in every]
+    evidence = [log_sum(_log_evidence(alike).ravel()) - math.log(len(alike)) for alike in every]
+    widest = float(np.diff(linear.station).max()) / curve.length
+    if moments[-2][0] * widest > STATIONS.most_turn_over_chord:  # it would wind between points
+        evidence[-2] = -math.inf
     return tuple(
         Turned(
             angle - arcs.total_angle, of_angle, unit * length - arcs.total_length, unit**2 * of_length, known
@@ -119,14 +118,10 @@ def _noises(route: Route, noise: float | None) -> tuple[Vector, Vector]:
     return every, -0.5 * np.array([noise_price(float(one)) for one in every])
 
 
-def _cells() -> Vector:
-    return (np.arange(GRID.nodes) + 0.5) / GRID.nodes
-
-
 def _first(route: Route) -> _Curve:
     unit, (first, second) = float(route.s[-1]), without_twist(route.tangent)
     axes = np.column_stack((route.tangent[0], first[0], second[0]))
-    bend = unit * rows_at(unit * _cells(), route.s, bend_without_twist(route))
+    bend = unit * rows_at(unit * cells(), route.s, bend_without_twist(route))
     return _Curve(route.position[0] / unit, axes, bend, 1.0)
 
 
@@ -185,7 +180,7 @@ def _followed(
         station = np.maximum.accumulate(station - station[0])
         curve = curve._replace(length=float(station[-1]))
         linear = _linearised(points, station, curve)
-        posterior = _posterior(linear, _walk(1, turn), noises, price)
+        posterior = _posterior(linear, walk(1, turn), noises, price)
         every.append((float(posterior.log_evidence.max()), curve, linear._replace(station=station)))
         if len(every) > 1 and every[-1][0] < every[-2][0] + RATIO.converged:
             break
@@ -203,39 +198,17 @@ def _stepped(curve: _Curve, linear: _Linear, posterior: _Posterior, noises: Vect
     return curve._replace(start=curve.start + curve.axes[:, 1:] @ moved[:2], axes=tilted, bend=bend)
 
 
-def _at_points(station: Vector) -> _Prior:
-    """Return turns at the inner points alone, each of a variance like the length that it stands for."""
-    cell = np.minimum((station[1:-1] / station[-1] * GRID.nodes).astype(np.int64), GRID.nodes - 1)
-    scaled = np.zeros((GRID.nodes, len(cell)))
-    scaled[cell, np.arange(len(cell))] = GRID.nodes * np.sqrt(0.5 * (station[2:] - station[:-2]))
-    return _Prior(scaled, np.zeros((GRID.nodes, 0)))
-
-
-def _walk(order: int, turn: float) -> _Prior:
-    """Curvature that is a random walk, or whose rate is one; at the start of the size of all turns [rad]."""
-    return _Prior(_integrated(order), turn * _cells()[:, None] ** np.arange(order))
-
-
-@cache
-def _integrated(order: int) -> Matrix:
-    """White noise of intensity 1 that was integrated once or twice, at the cells [cells, cells]."""
-    u = _cells()
-    least, most = np.minimum(u[:, None], u), np.maximum(u[:, None], u)
-    value, vector = np.linalg.eigh(least if order == 1 else least**2 * (most / 2.0 - least / 6.0))
-    return vector * np.sqrt(np.maximum(value, 0.0))
-
-
 @cache
 def _intensities() -> Vector:
     return np.geomspace(GRID.gentlest, GRID.sharpest, GRID.intensities)
 
 
-def _posterior(linear: _Linear, prior: _Prior, noises: Vector, price: Vector) -> _Posterior:
+def _posterior(linear: _Linear, prior: Prior, noises: Vector, price: Vector) -> _Posterior:
     """Evidence of the points for each intensity and noise, whatever the start of the route; (236)."""
     apart = np.linalg.qr(linear.by_start, mode="complete")[0][:, 4:]
     by_bend = np.tensordot(apart, linear.by_bend, (0, 0))
     by_scaled, by_fixed = (
-        np.tensordot(by_bend, one, (1, 0)).transpose(0, 2, 1).reshape(len(by_bend), -1) for one in prior
+        np.tensordot(by_bend, one, (1, 0)).transpose(0, 2, 1).reshape(len(by_bend), -1) for one in prior[:2]
     )
     ratio, turned = np.linalg.eigh(by_scaled @ by_scaled.T)
     by_scaled, by_fixed, sensed = (turned.T @ one for one in (by_scaled, by_fixed, apart.T @ linear.across))
@@ -268,26 +241,38 @@ def _given(
     return free
 
 
-def _bend(prior: _Prior, free: Matrix) -> np.ndarray:
+def _bend(prior: Prior, free: Matrix) -> np.ndarray:
     """Curvature of components [2 r + 2 f, count] along both normals [cells, 2, count]."""
-    return np.tensordot(np.column_stack(prior), free.reshape(-1, 2, free.shape[1]), 1)
+    return np.tensordot(np.column_stack(prior[:2]), free.reshape(-1, 2, free.shape[1]), 1)
 
 
-def _sampled(posterior: _Posterior, noises: Vector, rng: np.random.Generator) -> np.ndarray:
-    """Draws of the curvature over all intensities and noises [cells, 2, draws]."""
-    probability = np.exp(posterior.log_evidence - log_sum(posterior.log_evidence.ravel()))
+def _log_evidence(alike: Sequence[_Posterior]) -> np.ndarray:
+    """Evidence and prior of posteriors that are as likely beforehand, ln, by intensity and noise."""
+    return np.array([one.log_evidence for one in alike])
+
+
+def _sampled(
+    alike: Sequence[_Posterior], noises: Vector, rng: np.random.Generator
+) -> tuple[np.ndarray, Vector]:
+    """Draws of curvature over posteriors, intensities and noises [cells, 2, draws], and the form of each."""
+    log_evidence = _log_evidence(alike)
+    probability = np.exp(log_evidence - log_sum(log_evidence.ravel()))
     count = rng.multinomial(GRID.draws, (probability / probability.sum()).ravel()).reshape(probability.shape)
-    samples = [
-        _given(posterior, float(_intensities()[i]), float(noises[j]), rng, int(count[i, j]))
-        for i, j in np.argwhere(count)
-    ]
-    return _bend(posterior.prior, np.concatenate(samples, axis=1))
+    points = 0.5 * len(alike[0].sensed) + 2.0
+    every, form = list[np.ndarray](), list[Vector]()
+    for k, i, j in np.argwhere(count):
+        one, intensity, noise = alike[k], float(_intensities()[i]), float(noises[j])
+        every.append(_bend(one.prior, _given(one, intensity, noise, rng, int(count[k, i, j]))))
+        form.append(form_of(one.prior.half_waves, every[-1], points, noise, rng))
+    return np.concatenate(every, axis=2), np.concatenate(form)
 
 
-def _moments(bend: np.ndarray, station: Vector, curve: _Curve) -> tuple[float, float, float, float]:
+def _moments(
+    bend: np.ndarray, form: Vector, station: Vector, curve: _Curve
+) -> tuple[float, float, float, float]:
     """Mean and variance of Φ and of the length over draws of the curvature [cells, 2, draws]; (237)."""
     nodes, step = _nodes(curve), curve.length / len(bend)
-    angle = step * np.linalg.norm(bend, axis=1).sum(axis=0)
+    angle = step * form * np.linalg.norm(bend, axis=1).sum(axis=0)
     chords = float(step_lengths(rows_at(station, nodes.s, nodes.position)).sum())
     turned = np.cumsum(bend, axis=0) * step
     interval = np.clip(

@@ -25,13 +25,14 @@ from tssgeom.route.model_choice import (
     evidence_difference,
     evidence_scale,
     log_evidence_difference,
+    log_sum,
     model_probabilities,
     saved_by_variation,
     search_variance,
 )
 from tssgeom.route.pieces import Arcs
 from tssgeom.route.resolution import SharedErrors
-from tssgeom.route.route_fit import RouteFit
+from tssgeom.route.route_fit import RouteFit, Turned
 from tssgeom.route.spline.fit import Spline
 
 
@@ -41,6 +42,8 @@ class ModelAverage:
 
     straight_share: float = 0.1
     """First length of a straight piece beside a bend, of that bend [1]. Chosen: the fit moves it."""
+    largest_log_odds: float = 700.0
+    """Greatest ln of odds [1]. Derived: its exponential is still finite."""
 
 
 AVERAGE = ModelAverage()
@@ -147,8 +150,7 @@ def added_by_models(
     smooth_moments = _moments(smooth.arcs)
     every = [smooth_moments, *(one[:4] for one in models[: len(probability) - 1])]
     if smooth.turned:
-        share = probability[0] * model_probabilities(np.array([one.log_evidence for one in smooth.turned]))
-        probability = np.concatenate((share[-1:], probability[1:], share[:-1]))
+        probability = with_turned(probability, smooth.turned)
         of_smooth = np.multiply(smooth_moments, (1.0, 0.0, 1.0, 0.0))
         every += [of_smooth + one[:4] for one in smooth.turned[:-1]]
     angle, own_angle, length, own_length = np.array(every).T
@@ -178,6 +180,26 @@ def probabilities(models: Sequence[ChainModel]) -> Vector:
     least, most = sorted((float(priced.max()), float(difference.max())))
     likeliest = models[int(np.argmax(priced))]
     scale = 2.0 * evidence_scale(likeliest.parameters)
-    of_chains = 0.5 * (1.0 + math.tanh(0.5 * min(max(0.0, least), most) / scale))
-    of_chains = of_chains if likeliest.proven else min(of_chains, 0.5)
-    return np.concatenate(([1.0 - of_chains], of_chains * model_probabilities(0.5 * difference)))
+    log_odds = min(max(0.0, least), most) / scale
+    log_odds = log_odds if likeliest.proven else min(log_odds, 0.0)
+    of_smooth, of_chains = (
+        1.0 / (1.0 + math.exp(min(one, AVERAGE.largest_log_odds))) for one in (log_odds, -log_odds)
+    )
+    return np.concatenate(([of_smooth], of_chains * model_probabilities(0.5 * difference)))
+
+
+def with_turned(probability: Vector, turned: Sequence[Turned]) -> Vector:
+    """Divide the probability of a smooth fit, the first one, among what few points allow beside it; (243).
+
+    Three priors share it, so that the odds of the chains (217) are to all of these. The one that oscillates,
+    which comes before the last, has its odds to these three beside it. Returns the probability of the last
+    one, of the chains, and of all others.
+    """
+    evidence = np.array([one.log_evidence for one in turned])
+    known = log_sum(np.delete(evidence, -2))
+    of_smooth, of_chains = (
+        math.log(probability[0]),
+        np.log(np.maximum(probability[1:], math.exp(-AVERAGE.largest_log_odds))),
+    )
+    share = of_smooth + evidence - known
+    return model_probabilities(np.concatenate((share[-1:], of_chains, share[:-1])))

@@ -1,0 +1,116 @@
+"""What the curvature of a route may do between few points, a priori; docs/model.md (229), (235)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+
+from tssgeom.arrays import Matrix, Vector
+from tssgeom.core.constants import CHANCE
+from tssgeom.route.error_posterior import GRID
+
+
+@dataclass(frozen=True, slots=True)
+class Oscillation:
+    """Which waves of the curvature are tried."""
+
+    fewest: float = 2.0
+    """Fewest half waves over the route [1]. Derived: bends that alternate are two at least."""
+    lengths: int = 5
+    """Wave lengths from there to one half wave from point to point, each as likely. Chosen: a factor of 2.1
+    apart at most."""
+    forms: tuple[float, ...] = (math.pi / 4.0, 1.0, math.pi**2 / 8.0)
+    """Turn of bends that alternate over that of a sine of the same first harmonic, each as likely: at points
+    alone, a sine, arcs [1]. Derived; docs/model.md (254)."""
+    third: float = 1.0 / 27.0
+    """Third harmonic of the route over the first one, where arcs alternate [1]. Derived: 1/3 in
+    curvature, with a ninth of the displacement."""
+    coherent: float = 2.0
+    """Waves over which amplitude and phase are alike [1]. Chosen: arcs that alternate differ in size."""
+
+
+OSCILLATION = Oscillation()
+
+
+class Prior(NamedTuple):
+    """Independent components of the curvature."""
+
+    scaled: Matrix
+    """Curvature by those of intensity 1 [cells, r]."""
+    fixed: Matrix
+    """Curvature by those whose size is known beforehand [cells, f]."""
+    half_waves: float = 0.0
+    """Half waves over the route, 0 where it does not oscillate."""
+
+
+def cells() -> Vector:
+    """Return the middle of each cell, over the length of the route."""
+    return (np.arange(GRID.nodes) + 0.5) / GRID.nodes
+
+
+def at_points(station: Vector) -> Prior:
+    """Return turns at the inner points alone, each of a variance like the length that it stands for."""
+    cell = np.minimum((station[1:-1] / station[-1] * GRID.nodes).astype(np.int64), GRID.nodes - 1)
+    scaled = np.zeros((GRID.nodes, len(cell)))
+    scaled[cell, np.arange(len(cell))] = GRID.nodes * np.sqrt(0.5 * (station[2:] - station[:-2]))
+    return Prior(scaled, np.zeros((GRID.nodes, 0)))
+
+
+def walk(order: int, turn: float) -> Prior:
+    """Curvature that is a random walk, or whose rate is one; at the start of the size of all turns [rad]."""
+    return Prior(_integrated(order), turn * cells()[:, None] ** np.arange(order))
+
+
+def oscillations(points: int) -> tuple[Prior, ...]:
+    """Return curvature that oscillates, for each wave length that so many points may show; (229)."""
+    most = max(points - 1.0, OSCILLATION.fewest)
+    none = np.zeros((GRID.nodes, 0))
+    half_waves = np.geomspace(OSCILLATION.fewest, most, OSCILLATION.lengths)
+    return tuple(Prior(_oscillating(float(one)), none, float(one)) for one in half_waves)
+
+
+@cache
+def _oscillating(half_waves: float) -> Matrix:
+    """Components of curvature of variance 1 with so many half waves, at the cells [cells, r]."""
+    phase = math.pi * half_waves * np.abs(cells()[:, None] - cells())
+    value, vector = np.linalg.eigh(np.cos(phase) * np.exp(-phase / (2.0 * math.pi * OSCILLATION.coherent)))
+    return vector * np.sqrt(np.maximum(value, 0.0))
+
+
+@cache
+def _integrated(order: int) -> Matrix:
+    """White noise of intensity 1 that was integrated once or twice, at the cells [cells, cells]."""
+    u = cells()
+    least, most = np.minimum(u[:, None], u), np.maximum(u[:, None], u)
+    value, vector = np.linalg.eigh(least if order == 1 else least**2 * (most / 2.0 - least / 6.0))
+    return vector * np.sqrt(np.maximum(value, 0.0))
+
+
+def form_of(
+    half_waves: float, bend: np.ndarray, points: float, noise: float, rng: np.random.Generator
+) -> Vector:
+    """Return what bends turn over sines of the same first harmonic, for each draw [draws]; (254).
+
+    It is 1 where the points show the form, by the third harmonic.
+
+    Parameters
+    ----------
+    half_waves
+        Half waves over the route, 0 where the prior does not oscillate.
+    bend
+        Draws of the curvature [cells, 2, draws].
+    points, noise
+        Number of points, and their noise over the length of the route [1].
+    rng
+        Generator of the forms that points do not show.
+    """
+    if half_waves == 0.0:
+        return np.ones(bend.shape[2])
+    size = np.sqrt(2.0 * np.mean(np.sum(bend**2, axis=1), axis=0)) / (math.pi * half_waves) ** 2
+    visible = OSCILLATION.third * size * math.sqrt(0.5 * points) > CHANCE.clear * noise
+    visible &= 3.0 * half_waves <= points - 1.0
+    return np.where(visible, 1.0, rng.choice(OSCILLATION.forms, bend.shape[2]))
