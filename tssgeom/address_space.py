@@ -1,4 +1,4 @@
-"""Address space for Rerun and FFmpeg, which may end the process where the system refuses them some."""
+"""Address space for Rerun and OpenCV, which may end the process where the system refuses them some."""
 
 import sys
 from pathlib import Path
@@ -11,10 +11,13 @@ EACH = 1 << 28
 """Address space that any other recording takes [B]; measured: 0.1 GiB, most of it stacks of threads."""
 VIDEO = 1 << 28
 """Address space that a video takes while it is read [B]; measured: 0.16 GiB, most of it stacks of threads."""
+CAMERAS = 3 << 27
+"""Address space that a calibration of cameras takes [B]; measured: 0.29 GiB, most of it buffers of
+linear algebra."""
 
 
 def require_address_space(needed: int, what: str, instead: str = "") -> None:
-    """Refuse to begin with a recording or a video where the system limits the address space.
+    """Refuse to begin with a recording, a video or cameras where the system limits the address space.
 
     Parameters
     ----------

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
+from tssgeom.address_space import CAMERAS, require_address_space
 from tssgeom.arrays import Points, Vector
 from tssgeom.errors import FitError, ShapeError
 from tssgeom.vision.boards import Board, BoardDetection
@@ -47,6 +48,8 @@ def calibrated(
         Where a camera sees too few boards, or none together with the others.
     FitError
         Where the boards do not determine the cameras.
+    SettingsError
+        Where the system leaves too little address space.
     """
     chosen = _chosen(detections, board_frame)
     sighted = [
@@ -62,6 +65,7 @@ def calibrated(
                 f"camera {name!r} sees the board in {count} images: film it in at least {_FEWEST} poses, "
                 "and check --board and the size of its squares"
             )
+    require_address_space(CAMERAS, "a calibration of cameras")
     corners = board.corners
     starts = [
         _alone(corners, [one for one in sighted if one.camera == v], sizes[v]) for v in range(len(names))
