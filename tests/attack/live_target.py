@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import multiprocessing
 import os
@@ -13,7 +14,7 @@ from contextlib import contextmanager, suppress
 from itertools import pairwise
 from typing import Any
 
-from tests.live_process import SWAY_PERIOD, Live, Reader, line, points_mm, retimed
+from tests.live_process import SWAY_PERIOD, Live, line, points_mm, retimed
 
 PERIOD = 0.01
 """Time between good frames [s]; the goal of the stream."""
@@ -57,9 +58,10 @@ class Target:
         self._arrived = threading.Condition()
         self._ending = threading.Event()
         self._good = [line(points_mm(60, PERIOD * k), 0.0) for k in range(round(SWAY_PERIOD / PERIOD))]
-        reader, self._source = stream.reader(), stream.source()
+        gc.disable()  # it would stop the good sender for 70 ms, with so many lines kept
+        sink, self._source = stream.reader().sock, stream.source()
         self._threads = [
-            threading.Thread(target=self._read, args=(reader,), daemon=True),
+            threading.Thread(target=self._read, args=(sink,), daemon=True),
             threading.Thread(target=self._send, daemon=True),
         ]
         for thread in self._threads:
@@ -83,6 +85,7 @@ class Target:
         self._threads[1].join(_GIVEN_UP)
         last = next(reversed(self.sent))
         self.reaction(lambda one: one.get("id") == last)
+        gc.enable()
 
     def missing(self) -> int:
         """Return how many good frames have no answer and are not counted as dropped."""
@@ -106,14 +109,17 @@ class Target:
         times = sorted(self.answers.values())
         return max((b - a for a, b in pairwise(times)), default=_GIVEN_UP)
 
-    def _read(self, reader: Reader) -> None:
-        with suppress(OSError, EOFError, json.JSONDecodeError):
-            while True:
-                content = reader.next()
-                if str(name := content.get("id", "")).startswith("good") and "segments" in content:
-                    self.answers[name] = time.monotonic()
-                with self._arrived:
+    def _read(self, sink: socket.socket) -> None:
+        data = b""
+        with suppress(OSError, json.JSONDecodeError):
+            while chunk := sink.recv(1 << 18):
+                now = time.monotonic()
+                *lines, data = (data + chunk).split(b"\n")
+                for content in map(json.loads, lines):
+                    if str(name := content.get("id", "")).startswith("good") and "segments" in content:
+                        self.answers[name] = now
                     self.lines.append(content)
+                with self._arrived:
                     self._arrived.notify_all()
 
     def _send(self) -> None:
