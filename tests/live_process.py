@@ -199,6 +199,15 @@ class Live:
         self._lines.put(None)
 
 
+def arriving(sock: socket.socket) -> Iterator[tuple[float, list[bytes]]]:
+    """Yield when each piece of a stream came [s], and the lines that it ends, until the peer closes it."""
+    data = b""
+    while chunk := sock.recv(1 << 20):
+        now = monotonic()
+        *lines, data = (data + chunk).split(b"\n")
+        yield now, lines
+
+
 class Reader:
     """A client that reads answers."""
 

@@ -17,8 +17,9 @@ from contextlib import suppress
 
 import numpy as np
 
+from pipelines.live.priorities import has_real_time
 from tests.attack.live_lines import HARD
-from tests.live_process import SWAY_PERIOD, line, live, points_mm, retimed
+from tests.live_process import SWAY_PERIOD, arriving, line, live, points_mm, retimed
 
 _PERIOD = 0.01  # s between good frames; the goal of the stream
 _LEAST_SHARE, _P99 = 0.99, 5e-3  # share of good frames, and time to an answer [s]; goals of the stream
@@ -53,11 +54,8 @@ def good(source: int, sink: int, times: multiprocessing.SimpleQueue, begun: thre
 
 def _read(back: socket.socket, answers: dict[int, float]) -> None:
     """Note when the answer to each good frame came [s]."""
-    data = b""
     with suppress(OSError):
-        while chunk := back.recv(1 << 20):
-            now = time.monotonic()
-            *lines, data = (data + chunk).split(b"\n")
+        for now, lines in arriving(back):
             for one in lines:
                 if b"good " in one[-4000:] and "segments" in (content := json.loads(one)):
                     answers[int(content["id"].removeprefix("good "))] = now
@@ -109,7 +107,7 @@ def main() -> int:
         for name, texts in kinds.items()
         for again in (False, True)
     ]
-    judged = hasattr(os, "SCHED_RR") and os.sched_getscheduler(0) in (os.SCHED_RR, os.SCHED_FIFO)
+    judged = has_real_time()
     why = "" if judged else " (not judged: no priority)"
     print(f"{len(sound)} trials, {sound.count(False)} starved{why}")  # noqa: T201
     return int(judged and not all(sound))

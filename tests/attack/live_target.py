@@ -14,7 +14,7 @@ from contextlib import contextmanager, suppress
 from itertools import pairwise
 from typing import Any
 
-from tests.live_process import SWAY_PERIOD, Live, line, points_mm, retimed
+from tests.live_process import SWAY_PERIOD, Live, arriving, line, points_mm, retimed
 
 PERIOD = 0.01
 """Time between good frames [s]; the goal of the stream."""
@@ -110,11 +110,8 @@ class Target:
         return max((b - a for a, b in pairwise(times)), default=_GIVEN_UP)
 
     def _read(self, sink: socket.socket) -> None:
-        data = b""
         with suppress(OSError, json.JSONDecodeError):
-            while chunk := sink.recv(1 << 18):
-                now = time.monotonic()
-                *lines, data = (data + chunk).split(b"\n")
+            for now, lines in arriving(sink):
                 for content in map(json.loads, lines):
                     if str(name := content.get("id", "")).startswith("good") and "segments" in content:
                         self.answers[name] = now

@@ -197,9 +197,6 @@ def with_turned(probability: Vector, turned: Sequence[Turned]) -> Vector:
     """
     evidence = np.array([one.log_evidence for one in turned])
     known = log_sum(np.delete(evidence, -2))
-    of_smooth, of_chains = (
-        math.log(probability[0]),
-        np.log(np.maximum(probability[1:], math.exp(-AVERAGE.largest_log_odds))),
-    )
-    share = of_smooth + evidence - known
+    of_chains = np.log(np.maximum(probability[1:], math.exp(-AVERAGE.largest_log_odds)))
+    share = math.log(probability[0]) + evidence - known
     return model_probabilities(np.concatenate((share[-1:], of_chains, share[:-1])))
