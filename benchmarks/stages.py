@@ -204,6 +204,7 @@ def _core_alone(sensed: Sequence[Frame]) -> Iterator[Callable[[], object]]:
             last.covariance,
             last.ratio,
             last.intensity,
+            1.0,
             last.spacing,
             variance,
             None,

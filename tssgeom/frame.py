@@ -25,7 +25,7 @@ from tssgeom.route.resolution import NO_ERRORS, SharedErrors, sheath_resolution
 from tssgeom.route.route_fit import RouteFit
 from tssgeom.route.shared_errors import posterior_of_source, with_hidden_errors, with_shared_errors
 from tssgeom.route.stated_noise import contradicted as contradicted_noise
-from tssgeom.route.time_filter import PointFilter, begun, filtered, noise_left, noise_ratio
+from tssgeom.route.time_filter import PointFilter, begun, filtered, noise_growth, noise_left
 from tssgeom.route.tip import TipReadings, fit_tip
 from tssgeom.route.tracking import NotWarmError, TrackedFit, follow
 from tssgeom.tendon.capstan import check_tension
@@ -122,7 +122,7 @@ def fit_frame(
     if bounded and now is not None:
         noise = now.sensed_noise
     if last is not None:
-        last = replace(last, noise_ratio=noise_ratio(last.filtered, now))
+        last = replace(last, noise_growth=noise_growth(last.fit.noise, last.filtered, now))
     if given.marker_offset_mm:
         shape, tracked = follow_markers(shape, noise, given.marker_offset_mm, given.marker_axis, last)
     else:

@@ -233,8 +233,8 @@ def test_a_frame_in_one_call_is_the_same_as_in_many(n, stations):
     last, agreed = fits.fit(clean(p, known)), 0
     for frame in range(6):
         shape = clean(p + 1e-4 * frame * np.sin(np.arange(n) / 5.0)[:, None], known)
-        at_once = fits._moved_at_once(shape, None, last.memory)
-        in_parts = warmed(shape, None, last.memory)
+        at_once = fits._moved_at_once(shape, None, last.memory, 1.0 + frame)
+        in_parts = warmed(shape, None, last.memory, 1.0 + frame)
         assert (at_once is None) == (in_parts is None)
         if at_once is None or in_parts is None:
             continue

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from tests.live_process import points_mm
+from tests.live_process import ROUTES, points_mm
 from tssgeom.engine import Engine
 from tssgeom.rig import Rig
 from tssgeom.route import tracking
-from tssgeom.route.time_filter import begun, filtered, noise_left, noise_ratio, smoothed
+from tssgeom.route.time_filter import begun, filtered, noise_growth, noise_left, smoothed
 from tssgeom.stream import Frame
 
 NOISE = 5e-4  # [m]
@@ -174,20 +174,32 @@ def test_a_filter_ends_where_frames_do_not_go_on(change):
     assert filtered(state, sensed, NOISE, time) is None
 
 
-def test_a_route_that_sways_is_tracked_where_the_filter_leaves_more_noise(monkeypatch):
+@pytest.mark.parametrize("is_noise_new", [True, False])
+@pytest.mark.parametrize("route", ROUTES)
+def test_a_route_that_sways_is_tracked_where_the_filter_leaves_other_noise(monkeypatch, route, is_noise_new):
     """Else every hundredth frame of a stream at 100 Hz took 20 ms, for a fit from nothing."""
     anew = list[int]()
     measured = tracking.measure
     monkeypatch.setattr(tracking, "measure", lambda *given: anew.append(1) or measured(*given))
     engine = Engine(Rig(), tension_in=10.0)
-    for k in range(320):
-        engine.push(Frame(1e-3 * points_mm(60, 0.01 * k, k), 0.01 * k, tension_in=8.0))
+    for k in range(360):
+        points = points_mm(60, 0.01 * k, k if is_noise_new else 0, route=route)
+        engine.push(Frame(1e-3 * points, 0.01 * k, tension_in=8.0))
         engine.idle()
     assert len(anew) == 1
 
 
 def test_the_noise_of_points_that_are_not_filtered_any_more_is_that_of_the_sensor():
     state = [one for one, _, _ in streamed(MOTIONS["stands"], frames=30)][-1]
-    assert noise_ratio(None, state) == 1.0
-    assert noise_ratio(state, state) == 1.0
-    assert noise_ratio(state, None) == pytest.approx(np.sqrt(30), rel=0.2)
+    assert noise_growth(1e-3, None, state) == 1.0
+    assert noise_growth(1e-3, state, state) == pytest.approx(1.0)
+    assert noise_growth(state.noise, state, None) == pytest.approx(np.sqrt(30), rel=0.2)
+
+
+def test_noise_that_is_the_same_in_each_frame_neither_grows_nor_falls():
+    state = [one for one, _, _ in streamed(MOTIONS["stands"], frames=30)][-1]
+    calmer, constant = state._replace(noise=0.5 * state.noise), 10.0
+    growth = noise_growth(constant * state.noise, state, calmer)
+    assert growth == pytest.approx(np.sqrt(constant**2 - 0.75) / constant)
+    assert noise_growth(0.5 * state.noise, state, calmer) == pytest.approx(0.5)  # none is
+    assert 0.0 < noise_growth(0.0, state, calmer) < np.inf

@@ -103,17 +103,18 @@ ENTRY int64_t tss_outlying_points(
 
 /** Go on with the smooth fit of a route that moves: one pass that begins with the last one, and its nodes.
 
-Parameters: points of this frame [m]; stations, points and weights of the last pass, its posterior, λ, q and
-spacing [m]; the known noise variance or 0; known stations. `rows` is room for the nodes, n where that is 120 or
-more and else n + 120. `result` has λ, q, the effective number of parameters of a coordinate, -2 ln of the
-evidence [ln m²], and whether the last λ, noise and weights still held, without which the rest has no meaning.
+Parameters: points of this frame [m]; stations, points and weights of the last pass, its posterior, λ and q; the
+factor up to which the noise variance may have changed since; its spacing [m]; the known noise variance or 0;
+known stations. `rows` is room for the nodes, n where that is 120 or more and else n + 120. `result` has λ, q,
+the effective number of parameters of a coordinate, -2 ln of the evidence [ln m²], and whether the last λ, noise
+and weights still held, without which the rest has no meaning.
 Returned are also u, y and the posterior at the stations for the next frame; and in SI, on `count` nodes: arc
 length; positions, tangents and curvature vectors; covariance of the state of (20); gains; and the nodes at
 which pieces of constant curvature meet. `station` are the nodes of the points [m]. */
 ENTRY status tss_spline_frame(
     int64_t n, const double points[n][3], const double last_u[n], const double last_y[n][3],
     const double weight[n], const double last_mean[n][3][4], const double last_covariance[n][10],
-    double last_ratio, double last_intensity, double spacing, double variance,
+    double last_ratio, double last_intensity, double growth, double spacing, double variance,
     OPTIONAL const double stations[n], int64_t rows, OUT double result[5], OUT double u[n], OUT double y[n][3],
     OUT double mean[n][3][4], OUT double covariance[n][10], OUT int64_t *count, OUT double s[rows],
     OUT double vectors[3][rows][3], OUT double node_covariance[rows][10], OUT double node_gain[rows][4][4],

@@ -153,8 +153,8 @@ static int any_without_weight(int64_t n, const double weight[]) {
 status tss_spline_frame(
     int64_t n, const double points[n][3], const double last_u[n], const double last_y[n][3], const double weight[n],
     const double last_mean[n][3][4], const double last_covariance[n][10], double last_ratio, double last_intensity,
-    double spacing, double variance, const double stations[n], int64_t rows, double result[5], double u[n],
-    double y[n][3], double mean[n][3][4], double covariance[n][10], int64_t *count, double s[rows],
+    double growth, double spacing, double variance, const double stations[n], int64_t rows, double result[5],
+    double u[n], double y[n][3], double mean[n][3][4], double covariance[n][10], int64_t *count, double s[rows],
     double vectors[3][rows][3], double node_covariance[rows][10], double node_gain[rows][4][4], double station[n],
     double residual[n][3], int64_t joints[rows + 1], int64_t *pieces, double work[120][rows]) {
     if (n < 2 || rows < n) return WRONG_SIZE;
@@ -182,7 +182,8 @@ status tss_spline_frame(
     smooth(&model, ratio, 0.0, mean, covariance, gain, (double(*)[10])room, &at);
     set_intensity(&model, variance, &at);
     double change = at.ratio * at.intensity / most(last_ratio * last_intensity, 1e-300);
-    if (!(1.0 / PASSES.warm_noise < change && change < PASSES.warm_noise)) return DONE;
+    double lowest = least(growth, 1.0) / PASSES.warm_noise, highest = most(growth, 1.0) * PASSES.warm_noise;
+    if (!(lowest < change && change < highest)) return DONE;
     if (tss_outlying_points(n, u, y, weight, variance, at.ratio, mean, covariance, outlier, (double(*)[n])room)) return DONE;
     Nodes nodes = {s, vectors[0], vectors[1], vectors[2], node_covariance, node_gain};
     *count = spline_nodes(&model, coupling, at, mean, covariance, gain, points[0], spacing, known, rows, nodes, where, room);

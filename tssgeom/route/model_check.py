@@ -114,8 +114,8 @@ class TrackedFit:
     """The points as filtered in time, where they are."""
     sensed_over_fitted: float = 1.0
     """Noise of the sensed points over that of those that were fitted [1]."""
-    noise_ratio: float = 1.0
-    """Noise of the points of the next frame over that of these, as the filter in time leaves it [1]."""
+    noise_growth: float = 1.0
+    """Noise that the next fit is expected to find over that of this one [1]."""
     first_noise: float = 0.0
     """Noise of the fit from which the warm ones began, as sensed [m]."""
     noise_bounded: bool = False

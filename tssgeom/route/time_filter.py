@@ -168,14 +168,25 @@ def noise_left(now: PointFilter, stated: float | None) -> float | None:
     return math.sqrt(constant + now.noise**2)
 
 
-def noise_ratio(before: PointFilter | None, now: PointFilter | None) -> float:
-    """Return the noise of points over that of the last frame's [1]: a route that begins to move has more.
+def noise_growth(fitted: float, before: PointFilter | None, now: PointFilter | None) -> float:
+    """Return the noise that the fit of a frame may find, over that of the last one [1]; docs/model.md (255).
 
-    Without a filter, `now` as before it, they are as sensed.
+    Parameters
+    ----------
+    fitted
+        Noise of the last fit [m].
+    before, now
+        The filter after the last frame and after this one; without a filter, `now` as before it, the points
+        are as sensed.
     """
     if before is None:
         return 1.0
-    return (before.sensed_noise if now is None else now.noise) / before.noise
+    left = before.sensed_noise if now is None else now.noise
+    fitted = max(fitted, ROUNDING.exact * before.noise)
+    variance = fitted**2 + left**2 - before.noise**2
+    if fitted < before.noise:  # no part of it is the same in each frame
+        variance = max(variance, (fitted * left / before.noise) ** 2)
+    return math.sqrt(variance) / fitted
 
 
 def smoothed(points: Sequence[Points], times: Sequence[float], noise: float) -> list[PointFilter | None]:

@@ -81,7 +81,7 @@ def _follow_chain(
 ) -> TrackedFit | None:
     """Go on with a chain; None where it fits no longer."""
     age, known, free = last.age + 1, 0.0 if noise is None else noise * noise, shape.stations is None
-    variance = (last.noise_ratio * last.fit.noise) ** 2
+    variance = (max(last.noise_growth, 1.0) * last.fit.noise) ** 2
     chain = chain._replace(stations=_stations(shape, last, chain))
     tangents = unit = weights = None
     if shape.directions is not None:
@@ -156,7 +156,7 @@ def _fits(data: Data, chain: Chain, variance: float) -> bool:
 
 def _follow_spline(shape: Shape, noise: float | None, last: TrackedFit, method: Method) -> TrackedFit | None:
     """Go on with a spline, now and then with a trial of a chain; None where it fits no longer."""
-    spline = warm(shape, noise, last.fit.spline)
+    spline = warm(shape, noise, last.fit.spline, last.noise_growth**2)
     if spline is None:
         return None
     smooth = with_few_points_variance(spline_fit(spline), shape)

@@ -190,8 +190,11 @@ def _angle_in_cells(shape: Shape, cell: float) -> float:
     return raw_angle(at_once(_fit_white(merged(shape, cell)[0], None))[0].route)
 
 
-def warm(shape: Shape, noise: float | None, last: Spline | None) -> Spline | None:
-    """Fit the same route a moment after the last fit in one pass; None where that no longer holds."""
+def warm(shape: Shape, noise: float | None, last: Spline | None, growth: float = 1.0) -> Spline | None:
+    """Fit the same route a moment after the last fit in one pass; None where that no longer holds.
+
+    The noise variance may have changed by a factor between 1 and `growth`.
+    """
     if last is None or last.shared_angle_error:
         return None
     before = last.memory
@@ -202,14 +205,14 @@ def warm(shape: Shape, noise: float | None, last: Spline | None) -> Spline | Non
     if len(shape.points) != len(before.u) or not same:
         return None
     if shape.directions is None:
-        moved = _moved_at_once(shape, noise, before)
+        moved = _moved_at_once(shape, noise, before, growth)
     else:
-        warm = warmed(shape, noise, before)
+        warm = warmed(shape, noise, before, growth)
         moved = None if warm is None else spline_of(shape, *warm, before.spacing)
     return None if moved is None else moved.averaged_as(last)
 
 
-def _moved_at_once(shape: Shape, noise: float | None, last: LastPass) -> Spline | None:
+def _moved_at_once(shape: Shape, noise: float | None, last: LastPass, growth: float) -> Spline | None:
     """Do as `warmed` and `spline_of` do, in one call of the core."""
     n, spacing = len(shape.points), last.spacing
     variance = scaled_variance(noise, spacing)
@@ -222,6 +225,7 @@ def _moved_at_once(shape: Shape, noise: float | None, last: LastPass) -> Spline 
         last.covariance,
         last.ratio,
         last.intensity,
+        growth,
         spacing,
         variance,
         shape.stations,

@@ -68,11 +68,13 @@ def _converged(before: Solution, solution: Solution) -> bool:
     )
 
 
-def warmed(shape: Shape, noise: float | None, last: LastPass) -> tuple[Problem, Solution] | None:
+def warmed(
+    shape: Shape, noise: float | None, last: LastPass, growth: float
+) -> tuple[Problem, Solution] | None:
     """Posterior of a shape in one pass that begins with the last one of the same route, a moment ago.
 
     Without directions `core.spline_frame` does the same in one call. None where the last λ, noise or
-    weights no longer hold.
+    weights no longer hold; the noise variance may have changed by a factor between 1 and `growth`.
     """
     y = (shape.points - shape.points[0]) / last.spacing
     variance = scaled_variance(noise, last.spacing)
@@ -84,7 +86,7 @@ def warmed(shape: Shape, noise: float | None, last: LastPass) -> tuple[Problem, 
     problem = problem._replace(model=problem.model._replace(y=y))
     solution = solve(problem, last.ratio)
     change = solution.variance / max(last.ratio * last.intensity, 1e-300)
-    if not 1.0 / PASSES.warm_noise < change < PASSES.warm_noise:
+    if not min(growth, 1.0) / PASSES.warm_noise < change < max(growth, 1.0) * PASSES.warm_noise:
         return None
     count, _ = _outlying_points(problem, solution)
     good = not count and last.weight.min() > 0.0 and _outlying_tangent(problem, solution) < 0
