@@ -35,9 +35,11 @@ class Channel:
         Largest number of bytes that wait for the peer.
     ended
         Called before `gone` where the peer has closed the connection in order, after its last byte.
+    has_to_wait
+        Whether other peers come first: what this one has sent is not read yet.
     """
 
-    __slots__ = ("_backlog", "_ended", "_gone", "_received", "_selector", "_waiting", "sock")
+    __slots__ = ("_backlog", "_ended", "_gone", "_has_to_wait", "_received", "_selector", "_waiting", "sock")
 
     def __init__(
         self,
@@ -47,10 +49,11 @@ class Channel:
         gone: Callable[[], object],
         backlog: int = BACKLOG,
         ended: Callable[[], object] = lambda: None,
+        has_to_wait: Callable[[], bool] = lambda: False,
     ) -> None:
         sock.setblocking(False)
         self.sock, self._selector = sock, selector
-        self._received, self._gone, self._ended = received, gone, ended
+        self._received, self._gone, self._ended, self._has_to_wait = received, gone, ended, has_to_wait
         self._waiting, self._backlog = bytearray(), backlog
         selector.register(sock, READ, self._ready)
 
@@ -98,7 +101,7 @@ class Channel:
             del self._waiting[:taken]
             if not self._waiting and self.open:
                 self._selector.modify(self.sock, READ, self._ready)
-        if events & READ and self.open:
+        if events & READ and self.open and not self._has_to_wait():
             self._read()
 
     def _read(self) -> None:

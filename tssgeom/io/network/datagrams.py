@@ -26,8 +26,11 @@ class DatagramLimits:
     """Limits of a socket that receives datagrams."""
 
     buffer_bytes: int = 1 << 22
-    """Size of the system's buffer for datagrams [bytes]; chosen: 64 of the largest, which are read before
-    other work. One sender has a quarter: as many as its mailbox keeps."""
+    """Size of the system's buffer for datagrams [bytes]; chosen: 64 of the largest. One sender has a quarter:
+    as many as its mailbox keeps."""
+    reading_ns: int = 500_000
+    """Time after which a socket is left for others while datagrams still wait there [ns]; derived: a tenth of
+    the 5 ms in which frames are to be answered, and enough for some 50 datagrams."""
     senders: int = 64
     """Senders whose clocks are kept; chosen."""
 
@@ -38,9 +41,11 @@ _LARGEST = 1 << 16  # bytes of a datagram: its length is a field of 16 bits (RFC
 
 @dataclass(slots=True, eq=False)
 class _Socket:
-    """A socket and the number of datagrams that the system has dropped there."""
+    """A socket, whose turn it is when datagrams are there, and how many of them the system has dropped."""
 
     sock: socket.socket
+    of: Sender
+    """The sender that it receives from; for the common one, any that is new."""
     lost: int = 0
 
 
@@ -83,7 +88,7 @@ class UdpSource(Source):
         self._selector = selector
         self._peers = dict[tuple, _Peer]()
         self._newest: _Peer | None = None
-        self._common = self._watched(sock, DATAGRAMS.buffer_bytes)
+        self._common = self._watched(sock, Sender(), DATAGRAMS.buffer_bytes)
 
     def close(self) -> None:
         """Close the sockets."""
@@ -91,18 +96,20 @@ class UdpSource(Source):
             self._forget(peer)
         self._forget(_Peer(own=self._common))
 
-    def _watched(self, sock: socket.socket, size: int) -> _Socket:
+    def _watched(self, sock: socket.socket, of: Sender, size: int) -> _Socket:
         sock.setblocking(False)
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, size)
         if self._linux:
             sock.setsockopt(socket.SOL_SOCKET, _LOST, 1)
-        watched = _Socket(sock)
+        watched = _Socket(sock, of)
         self._selector.register(sock, READ, partial(self._ready, watched))
         return watched
 
     def _ready(self, of: _Socket, events: int) -> None:
+        if self._linux and self._mailbox.is_behind(of.of):
+            return
         begun, sender = perf_counter_ns(), None
-        for _ in range(DATAGRAMS.buffer_bytes // _LARGEST):
+        while perf_counter_ns() - begun < DATAGRAMS.reading_ns:
             try:
                 data, about, _, address = of.sock.recvmsg(_LARGEST, 64 if self._linux else 0)
             except OSError:  # nothing waits, or the socket was closed for a newer sender
@@ -133,7 +140,7 @@ class UdpSource(Source):
             peer = self._begun(address)
         elif peer.own is None and self._linux:
             with suppress(OSError):  # it shares the common one then
-                peer.own = self._connected(address)
+                peer.own = self._connected(address, peer.sender)
         peer.heard = monotonic()
         self._mailbox.post(peer.sender, partial(frame_or_refusal, data, self._unit))
         return peer.sender
@@ -152,7 +159,7 @@ class UdpSource(Source):
         self._peers[address] = self._newest = peer
         return peer
 
-    def _connected(self, address: tuple) -> _Socket:
+    def _connected(self, address: tuple, sender: Sender) -> _Socket:
         """Make a socket for one sender; only while it is made may another one be bound to the port."""
         common = self._common.sock
         sock = socket.socket(common.family, socket.SOCK_DGRAM)
@@ -166,7 +173,7 @@ class UdpSource(Source):
             raise
         finally:
             common.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 0)
-        return self._watched(sock, DATAGRAMS.buffer_bytes // 4)
+        return self._watched(sock, sender, DATAGRAMS.buffer_bytes // 4)
 
     def _forget(self, peer: _Peer) -> None:
         if peer.own is not None:

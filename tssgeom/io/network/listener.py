@@ -54,6 +54,8 @@ class Peer:
     """Called when it has closed the connection in order."""
     gone: Callable[[], object] = lambda: None
     """Called when the connection is closed, by whichever side."""
+    has_to_wait: Callable[[], bool] = lambda: False
+    """Whether others come first: what it has sent is not read yet."""
     heard: float = -math.inf
     """When its last bytes came [s]."""
     greeted: bool = False
@@ -167,6 +169,7 @@ class Listener:
             lambda data: self._received(peer, data),
             lambda: self._forget(peer),
             ended=lambda: peer.ended(),
+            has_to_wait=lambda: peer.has_to_wait(),
         )
         peer = Peer(name, channel, monotonic(), admitted=not self._allowed.token)
         self.peers.append(peer)

@@ -91,7 +91,7 @@ class Sender:
     busy: bool = False
     """Whether a frame of it is being fitted; its later ones wait."""
     used: float = 0.0
-    """Time that its frames took, or at least those of others when it began to wait [s]."""
+    """Time that its frames took; once it is answered, at least that of others when it began to wait [s]."""
     arrived: int = 0
     """Frames so far."""
     waiting: deque[Waiting] = field(default_factory=deque)
@@ -105,8 +105,8 @@ class Sender:
 
     @property
     def is_new(self) -> bool:
-        """Whether it has sent few frames so far."""
-        return self.arrived <= LIMITS.waiting
+        """Whether no frame of it has been answered yet."""
+        return self.latest == -math.inf
 
     def refusal(self, frame: Frame) -> str:
         """Return why a frame is not later than all answered ones; empty where it is."""
@@ -163,7 +163,7 @@ class Mailbox:
     _senders: list[Sender] = field(default_factory=list)
     """Those with frames that wait."""
     _used: float = 0.0
-    """Time that the frames of the last sender had taken when its turn came [s]."""
+    """Time that the frames of a sender had taken when its turn came, the most so far [s]."""
     _used_by_new: float = 0.0
     """Time that the frames of all new senders took together: many ports of a flood count as one [s]."""
 
@@ -178,15 +178,10 @@ class Mailbox:
         if len(sender.waiting) >= LIMITS.waiting:
             sender.waiting.popleft()
             self.dropped += 1
-        was_new, is_idle = sender.is_new, not sender.waiting
         sender.arrived += 1
-        if is_idle:
+        if not sender.waiting:
             self._senders.append(sender)
-        if sender.is_new:
-            if is_idle:  # it has saved nothing
-                self._used_by_new = max(self._used_by_new, self._used)
-        elif is_idle or was_new:
-            sender.used = max(sender.used, self._used)
+            self.charge(sender, 0.0)
         now = perf_counter_ns() if arrived is None else arrived
         sender.waiting.append(Waiting(self.arrived, now, decode))
         self.arrived += 1
@@ -200,14 +195,23 @@ class Mailbox:
             sender.rejected.clear()
 
     def charge(self, sender: Sender, time: float) -> None:
-        """Count the time that a frame of a sender took [s]."""
+        """Count the time that a frame took [s]; while others were served, its sender saved nothing."""
         if sender.is_new:
-            self._used_by_new += time
-        else:
+            self._used_by_new = max(self._used_by_new, self._used) + time
             sender.used += time
+        else:
+            sender.used = max(sender.used, self._used) + time
+
+    def is_behind(self, sender: Sender) -> bool:
+        """Whether a frame waits of another sender that has taken less time: this one need not be read yet."""
+        share = self._share(sender)
+        return any(self._share(one) < share for one in self._senders if not one.busy)
 
     def _share(self, sender: Sender) -> float:
         return self._used_by_new if sender.is_new else sender.used
+
+    def _turn(self, sender: Sender) -> tuple[float, float]:
+        return self._share(sender), sender.used
 
     def skip(self, count: int) -> None:
         """Count frames that are dropped on arrival."""
@@ -220,8 +224,8 @@ class Mailbox:
         Where it is good, the earlier ones are dropped. Where it is bad, it is kept until an earlier one is
         good or none is left: then all bad ones are reported, in their order.
         """
-        sender = min((one for one in self._senders if not one.busy), key=self._share)
-        self._used = self._share(sender)
+        sender = min((one for one in self._senders if not one.busy), key=self._turn)
+        self._used = max(self._used, self._share(sender))
         waiting = sender.waiting.pop()
         frame = waiting.decode()
         if isinstance(frame, Rejected):

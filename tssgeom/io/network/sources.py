@@ -169,6 +169,7 @@ class TcpSource(Source):
         peer.received = partial(self._received, peer, lines, sender)
         peer.ended = partial(peer.received, b"\n")  # the last line may come without its end
         peer.gone = partial(self._gone, sender)
+        peer.has_to_wait = partial(self._mailbox.is_behind, sender)
 
     def _gone(self, sender: Sender) -> None:
         if not sender.busy and sender.track.last is not None:
