@@ -257,7 +257,6 @@ class Fits:
         while True:
             fit, begun = work.get(), thread_time()
             try:
-                assert fit.arrival.frame is not None
                 fit.sensed = self.engine.sense(fit.arrival.frame, fit.arrival.sender.track)
             except BaseException as error:  # the stream raises it
                 fit.sensed = error

@@ -13,7 +13,7 @@ from typing import Protocol
 from pipelines.live.fits import Fits, LongFit
 from pipelines.live.priorities import Rests
 from pipelines.live.status import Statistics
-from tssgeom.io.network.mailbox import Arrival, Mailbox, Sender
+from tssgeom.io.network.mailbox import Arrival, Mailbox, Refused, Sender
 from tssgeom.io.network.sinks import Sink
 from tssgeom.io.network.sources import Source
 from tssgeom.io.results import answers
@@ -127,7 +127,7 @@ class Session:
         """Decode the next frame, and answer it or begin its fit."""
         begun = perf_counter_ns()
         arrival = self.mailbox.newest()
-        if arrival.frame is None:
+        if not isinstance(arrival, Arrival):
             self._refuse_all(arrival)
         else:
             self._measure_interval(arrival)
@@ -145,7 +145,6 @@ class Session:
     def _answered_now(self, arrival: Arrival, frame: Frame) -> bool:
         """Answer a frame whose fit goes on from the last one; return whether it does."""
         engine, sender, begun = self.fits.engine, arrival.sender, thread_time()
-        assert arrival.frame is not None
         sensed = engine.sense_warm(arrival.frame, sender.track)  # its filters go by the sender's own clock
         if sensed is None:
             self.fits.took(sender, thread_time() - begun)
@@ -162,7 +161,6 @@ class Session:
         """Answer a frame that was fitted beside the stream; others may have moved the tendon since."""
         arrival, frame, sensed = fit.arrival, fit.frame, fit.sensed
         self.mailbox.charge(arrival.sender, fit.took)
-        assert arrival.frame is not None
         if frame.time <= self.time:
             frame = self._on_tendon_clock(arrival.frame, arrival.sender)
         if isinstance(sensed, SensedRoute):
@@ -209,7 +207,6 @@ class Session:
     def _answer(self, arrival: Arrival, frame: Frame, result: FrameResult | Rejected) -> None:
         """Send the result of a frame, whose time is on the tendon's clock, to all sinks."""
         given, sender = arrival.frame, arrival.sender
-        assert given is not None
         if isinstance(result, Rejected):
             self._refuse(Rejected(arrival.seq, given.time, result.reason, result.id))
             return
@@ -257,8 +254,8 @@ class Session:
         for sink in self.sinks:
             sink.publish(line, result)
 
-    def _refuse_all(self, arrival: Arrival) -> None:
-        for rejected in arrival.rejected:
+    def _refuse_all(self, of: Refused) -> None:
+        for rejected in of.rejected:
             self._refuse(rejected)
 
     def _refuse(self, rejected: Rejected) -> None:
@@ -308,14 +305,14 @@ class Session:
 
     def _send_stale(self, now: float) -> None:
         arrival = self._last_good
-        if arrival is not None and arrival.frame is not None:
+        if arrival is not None:
             silent = now - self._fresh_since
             self._publish(answers.stale(arrival.frame.time, arrival.seq, silent, self.mailbox.dropped))
         self._fresh_since, self.statistics.stale = math.inf, True
 
     def _say_late(self, arrival: Arrival) -> None:
         good, waited = self._last_good, 1e-9 * (perf_counter_ns() - arrival.arrived)
-        time, seq = (None, -1) if good is None or good.frame is None else (good.frame.time, good.seq)
+        time, seq = (None, -1) if good is None else (good.frame.time, good.seq)
         self._publish(answers.late(time, seq, arrival.seq, waited, self.mailbox.dropped))
 
     def _keep_house(self) -> None:

@@ -16,7 +16,7 @@ from tssgeom.io.network.addresses import Access, Endpoint
 from tssgeom.io.network.channel import Channel
 from tssgeom.io.network.datagrams import UdpSource
 from tssgeom.io.network.listener import LIMITS
-from tssgeom.io.network.mailbox import Mailbox, Sender
+from tssgeom.io.network.mailbox import Arrival, Mailbox, Sender
 from tssgeom.stream import Frame, Rejected
 
 EVERY_ADDRESS = "00000000"  # 0.0.0.0 in /proc/net/udp
@@ -57,7 +57,7 @@ def test_the_flood_of_one_sender_leaves_another_its_turns():
             mailbox.post(good, lambda turn=turn: Frame(half_circle(), float(turn)))
         arrival = mailbox.newest()
         mailbox.charge(arrival.sender, 1e-3)
-        answered += arrival.frame is not None
+        answered += isinstance(arrival, Arrival)
     assert answered >= 99
     assert len(mailbox) == 1
 
@@ -71,7 +71,7 @@ def test_a_flood_that_begins_late_has_no_time_saved_from_before():
             mailbox.post(good, lambda turn=turn: Frame(half_circle(), float(turn)))
         arrival = mailbox.newest()
         mailbox.charge(arrival.sender, 1e-3)
-        if arrival.frame is not None:
+        if isinstance(arrival, Arrival):
             arrival.sender.answered(arrival.frame.time, 0.0, leapt=False)
             answered += 1
     assert answered >= 1000 + 49
@@ -141,7 +141,8 @@ def test_a_sink_of_datagrams_listens_on_no_interface_but_its_own():
             with stream.source() as source:
                 source.sendall(frame(1.0, id="sent"))
                 reader.settimeout(PATIENCE)
-                assert json.loads(reader.recv(1 << 16))["id"] == "sent"
+                while json.loads(reader.recv(1 << 16)).get("id") != "sent":  # a busy machine is late
+                    pass
             inodes = {
                 link.readlink().name.removeprefix("socket:[").rstrip("]")
                 for link in Path(f"/proc/{stream.process.pid}/fd").iterdir()

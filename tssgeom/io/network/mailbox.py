@@ -138,15 +138,21 @@ class Waiting:
 
 
 @dataclass(frozen=True, slots=True)
-class Arrival:
+class Refused:
+    """Frames of a sender that were rejected; none where its next one is still to be decoded."""
+
+    sender: Sender
+    rejected: tuple[Rejected, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Arrival(Refused):
     """The frame that is answered next, and the newer ones of its sender that were rejected."""
 
     seq: int
     arrived: int
-    frame: Frame | None
-    """None where all frames were bad, or the next is still to be decoded."""
-    sender: Sender
-    rejected: tuple[Rejected, ...]
+    """Time of its last byte, of `perf_counter_ns` [ns]."""
+    frame: Frame
 
 
 @dataclass(slots=True)
@@ -218,7 +224,7 @@ class Mailbox:
         self.arrived += count
         self.dropped += count
 
-    def newest(self) -> Arrival:
+    def newest(self) -> Arrival | Refused:
         """Decode the newest frame of the sender whose turn it is, which must not be busy.
 
         Where it is good, the earlier ones are dropped. Where it is bad, it is kept until an earlier one is
@@ -235,16 +241,15 @@ class Mailbox:
         else:
             self.dropped += len(sender.waiting)
             sender.waiting.clear()
-            return self._ended(sender, waiting, frame)
-        if sender.waiting:
-            return Arrival(waiting.seq, waiting.arrived, None, sender, ())
-        return self._ended(sender, waiting, None)
+            return Arrival(sender, self._rejected(sender), waiting.seq, waiting.arrived, frame)
+        return Refused(sender, () if sender.waiting else self._rejected(sender))
 
-    def _ended(self, sender: Sender, waiting: Waiting, frame: Frame | None) -> Arrival:
+    def _rejected(self, sender: Sender) -> tuple[Rejected, ...]:
+        """Take out the rejected frames of a sender of which none waits any more, the oldest first."""
         self._senders.remove(sender)
         rejected = tuple(reversed(sender.rejected))
         sender.rejected.clear()
-        return Arrival(waiting.seq, waiting.arrived, frame, sender, rejected)
+        return rejected
 
 
 def _too_large(frame: Frame) -> str:
