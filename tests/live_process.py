@@ -10,6 +10,7 @@ import socket
 import subprocess
 import sys
 import threading
+from collections import deque
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from functools import cache
@@ -213,17 +214,17 @@ class Reader:
 
     def __init__(self, sock: socket.socket) -> None:
         self.sock = sock
-        self._data = b""
+        self._lines, self._rest = deque[bytes](), b""
 
     def next(self) -> dict[str, Any]:
         """Wait for the next line, whatever its kind."""
-        while b"\n" not in self._data:
+        while not self._lines:
             chunk = self.sock.recv(1 << 18)
             if not chunk:
                 raise EOFError
-            self._data += chunk
-        line, _, self._data = self._data.partition(b"\n")
-        return json.loads(line)
+            *lines, self._rest = (self._rest + chunk).split(b"\n")
+            self._lines.extend(lines)
+        return json.loads(self._lines.popleft())
 
     def answer(self) -> dict[str, Any]:
         """Wait for the next line that answers a frame."""

@@ -78,7 +78,9 @@ def killed(folder: Path, kills: int, workers: int) -> list[str]:
 def main() -> int:
     """Run the attack, and return 1 where anything happened that may not."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--long", action="store_true", help=f"{_MANY} kills of each kind instead of {_KILLS}")
+    parser.add_argument(
+        "--long", action="store_true", help=f"{_MANY} kills instead of {_KILLS}, and a quarter of two workers"
+    )
     many = _MANY if parser.parse_args().long else _KILLS
     warmed()
     with tempfile.TemporaryDirectory() as home:
