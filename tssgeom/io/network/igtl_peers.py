@@ -157,7 +157,13 @@ class IgtlSource(Source):
             self._wait()
             return
         self._begin()
-        self._channel = Channel(self._selector, sock, self._received, self._gone)
+        self._channel = Channel(
+            self._selector,
+            sock,
+            self._received,
+            self._gone,
+            has_to_wait=lambda: self._mailbox.is_behind(self._sender),
+        )
         self._report(f"{self.text}: connected")
 
     def _gone(self) -> None:
