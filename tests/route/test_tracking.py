@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from tests.known_routes import arc_positions, truth
+from tests.live_process import ROUTES, points_mm
 from tssgeom.route.geometry import measure
 from tssgeom.route.observations import clean
 from tssgeom.route.synthetic import Course, chain
@@ -90,6 +91,26 @@ def test_an_outlier_of_one_frame_is_left_out_and_named():
         assert bool(result.warnings) == (i == 7), (i, result.warnings)
         assert abs(result.profile.total_angle - _swaying(0.0).total_angle) < 4 * result.profile.total_angle_se
     assert "60" in str(result.warnings) or not result.warnings
+
+
+@pytest.mark.parametrize("bad", [0, 20])
+@pytest.mark.parametrize("directed", [False, True])
+def test_a_marker_that_stays_wrong_is_left_out_without_a_fit_from_nothing(bad, directed):
+    """Else each frame of a stream took 20 ms, as long as one marker of a smooth route was misplaced."""
+    rng, last, warm = np.random.default_rng(4), None, 0
+    for i in range(24):
+        exact = points_mm(60, 0.02 * i, noise=0.0, route=ROUTES[1]) / 1e3
+        points = exact + NOISE * rng.standard_normal(exact.shape)
+        points[bad] += (0.007, 0.0055, 0.0) if i < 18 else 0.0
+        step = np.gradient(exact, axis=0)
+        directions = step / np.linalg.norm(step, axis=1, keepdims=True) if directed else None
+        shape = clean(points, directions=directions, direction_noise=0.02)
+        last = follow(shape, None, last)
+        warm += last.age > 0
+        assert last.fit.spline is not None
+        left_out = np.flatnonzero(last.fit.weight < 1.0).tolist()
+        assert left_out == ([bad] if i < 18 else [])
+    assert warm >= 20
 
 
 def test_a_route_that_leaps_is_measured_anew():

@@ -96,7 +96,7 @@ ENTRY status tss_smooth(
     OUT double mean[n][3][4], OUT double covariance[n][10], OUT double gain[n - 1][4][4],
     WORK double predicted[n][10]);
 
-/** Mark and count points whose leave-one-out residual is beyond chance and a jump of curvature. */
+/** Mark points whose leave-one-out residual is beyond chance and a jump of curvature; count those with a weight. */
 ENTRY int64_t tss_outlying_points(
     int64_t n, const double u[n], const double y[n][3], const double weight[n], double variance, double ratio,
     const double mean[n][3][4], const double covariance[n][10], OUT uint8_t outlier[n], WORK double work[3][n]);

@@ -18,8 +18,6 @@ int64_t tss_outlying_points(
     double *size = work[0], *left_out = work[1], *sizes = work[2], sharpest = 0.0;
     int64_t used = 0, count = 0;
     for (int64_t i = 0; i < n; i++) {
-        size[i] = left_out[i] = 0.0, outlier[i] = 0;
-        if (weight[i] <= 0.0) continue;
         double t[3], a[3], apart[3], off = 0.0, bend = 0.0;
         for (int c = 0; c < 3; c++) t[c] = mean[i][c][1], a[c] = mean[i][c][2], apart[c] = y[i][c] - mean[i][c][0];
         double square = most(dot3(t, t), 1e-24), along = dot3(apart, t), a_along = dot3(a, t);
@@ -27,26 +25,37 @@ int64_t tss_outlying_points(
             off += squared(apart[c] - along * t[c] / square);
             bend += squared(a[c] - a_along * t[c] / square);
         }
-        sharpest = most(sharpest, bend / (square * square));
-        double own = most(1.0 - covariance[i][0] / ratio, 1e-12);
-        size[i] = sqrt(off / own), left_out[i] = sqrt(off) / own;
-        sizes[used++] = size[i];
+        if (weight[i] > 0.0) {
+            double own = most(1.0 - covariance[i][0] / ratio, 1e-12);
+            size[i] = sizes[used++] = sqrt(off / own), left_out[i] = sqrt(off) / own;
+            sharpest = most(sharpest, bend / (square * square));
+        } else {
+            size[i] = sqrt(off / (1.0 + covariance[i][0] / ratio)), left_out[i] = sqrt(off);
+        }
     }
     double robust = squared(median_of(used, sizes) / MEDIANS.length_2);
     double limit = sqrt(outlier_limit(n, residual_variance(variance, robust, 1.0))); /* docs/model.md (29) */
     sharpest = least(sqrt(sharpest), OUTLIERS.sharpest);
     for (int64_t i = 0; i < n; i++) {
+        outlier[i] = 0;
         if (size[i] <= limit) continue;
         double share = OUTLIERS.bend_share, worst = 0.0;
         if (i == 0 || i == n - 1) share = OUTLIERS.bend_share_at_end;
         else if (i == 1 || i == n - 2) share = OUTLIERS.bend_share_next_to_end;
-        int64_t left = i > 0 ? i - 1 : 0, right = i + 1 < n ? i + 1 : n - 1;
+        int64_t left = i > 0 ? i - 1 : 0, right = i + 1 < n ? i + 1 : n - 1, is_used = weight[i] > 0.0;
         double step = (u[right] - u[left]) / (double)(right - left);
-        for (int64_t k = i - OUTLIERS.neighbours; k <= i + OUTLIERS.neighbours; k++)
-            if (k >= 0 && k < n) worst = most(worst, size[k]);
-        if (left_out[i] > share * sharpest * step * step && size[i] >= worst) outlier[i] = 1, count++;
+        for (int64_t k = i - OUTLIERS.neighbours; k <= i + OUTLIERS.neighbours && is_used; k++)
+            if (k >= 0 && k < n && weight[k] > 0.0) worst = most(worst, size[k]);
+        if (left_out[i] > share * sharpest * step * step && size[i] >= worst) outlier[i] = 1, count += is_used;
     }
     return count;
+}
+
+/* Whether points without weight are as far off as if they were noise, or a bend, so that they may be used again. */
+static int64_t may_return(int64_t n, const double weight[], const uint8_t outlier[]) {
+    for (int64_t i = 0; i < n; i++)
+        if (weight[i] <= 0.0 && !outlier[i]) return 1;
+    return 0;
 }
 
 /* Nodes of a route in SI. */
@@ -144,12 +153,6 @@ status tss_spline_nodes(
     return isfinite(s[*count - 1]) ? DONE : NO_FINITE_CURVE;
 }
 
-static int any_without_weight(int64_t n, const double weight[]) {
-    for (int64_t i = 0; i < n; i++)
-        if (!(weight[i] > 0.0)) return 1;
-    return 0;
-}
-
 status tss_spline_frame(
     int64_t n, const double points[n][3], const double last_u[n], const double last_y[n][3], const double weight[n],
     const double last_mean[n][3][4], const double last_covariance[n][10], double last_ratio, double last_intensity,
@@ -166,7 +169,6 @@ status tss_spline_frame(
     Likelihood at;
     for (int k = 0; k < 5; k++) result[k] = 0.0;
     *count = *pieces = 0;
-    if (any_without_weight(n, weight)) return DONE;
     for (int64_t i = 0; i < n; i++)
         for (int c = 0; c < 3; c++) y[i][c] = (points[i][c] - points[0][c]) / spacing;
     tss_prior_along_curve(
@@ -185,6 +187,7 @@ status tss_spline_frame(
     double lowest = least(growth, 1.0) / PASSES.warm_noise, highest = most(growth, 1.0) * PASSES.warm_noise;
     if (!(lowest < change && change < highest)) return DONE;
     if (tss_outlying_points(n, u, y, weight, variance, at.ratio, mean, covariance, outlier, (double(*)[n])room)) return DONE;
+    if (may_return(n, weight, outlier)) return DONE;
     Nodes nodes = {s, vectors[0], vectors[1], vectors[2], node_covariance, node_gain};
     *count = spline_nodes(&model, coupling, at, mean, covariance, gain, points[0], spacing, known, rows, nodes, where, room);
     if (!isfinite(s[*count - 1])) return DONE;

@@ -139,14 +139,12 @@ def outlying_points(
     mean: np.ndarray,
     covariance: np.ndarray,
 ) -> tuple[np.ndarray, int]:
-    """Mark and count points whose leave-one-out residual is beyond chance and a jump of curvature."""
+    """Mark points whose residual is beyond chance and a jump of curvature; count those with a weight."""
     n = len(u)
     size, left_out = np.zeros(n), np.zeros(n)
     used, sharpest = 0, 0.0
     sizes = np.empty(n)
     for i in range(n):
-        if weight[i] <= 0.0:
-            continue
         m = mean[i]
         square = max(m[0, 1] ** 2 + m[1, 1] ** 2 + m[2, 1] ** 2, 1e-24)
         along, a_along = 0.0, 0.0
@@ -157,6 +155,9 @@ def outlying_points(
         for c in range(3):
             off += (y[i, c] - m[c, 0] - along * m[c, 1] / square) ** 2
             bend += (m[c, 2] - a_along * m[c, 1] / square) ** 2
+        if weight[i] <= 0.0:
+            size[i], left_out[i] = math.sqrt(off / (1.0 + covariance[i, 0] / ratio)), math.sqrt(off)
+            continue
         sharpest = max(sharpest, bend / square**2)
         free = max(1.0 - covariance[i, 0] / ratio, 1e-12)
         size[i], left_out[i] = math.sqrt(off / free), math.sqrt(off) / free
@@ -176,10 +177,11 @@ def outlying_points(
             share = OUTLIERS.bend_share_next_to_end
         left, right = max(i - 1, 0), min(i + 1, n - 1)
         step = (u[right] - u[left]) / (right - left)
-        worst = np.max(size[max(i - OUTLIERS.neighbours, 0) : i + OUTLIERS.neighbours + 1])
+        around = slice(max(i - OUTLIERS.neighbours, 0), i + OUTLIERS.neighbours + 1)
+        worst = np.max(size[around] * (weight[around] > 0.0)) if weight[i] > 0.0 else 0.0
         if left_out[i] > share * sharpest * step * step and size[i] >= worst:
             outlier[i] = True
-            count += 1
+            count += weight[i] > 0.0
     return outlier, count
 
 

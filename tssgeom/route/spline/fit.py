@@ -199,7 +199,7 @@ def warm(shape: Shape, noise: float | None, last: Spline | None, growth: float =
         return None
     before = last.memory
     if last.by_chords and shape.stations is None:
-        shape = on_chords(shape)
+        shape = on_chords(shape, before.weight)
     same = (shape.stations is not None) == before.stations_known
     same &= (shape.directions is None) == (before.tangents is None)
     if len(shape.points) != len(before.u) or not same:

@@ -88,8 +88,9 @@ def warmed(
     change = solution.variance / max(last.ratio * last.intensity, 1e-300)
     if not min(growth, 1.0) / PASSES.warm_noise < change < max(growth, 1.0) * PASSES.warm_noise:
         return None
-    count, _ = _outlying_points(problem, solution)
-    good = not count and last.weight.min() > 0.0 and _outlying_tangent(problem, solution) < 0
+    count, outlier = _outlying_points(problem, solution)
+    may_return = (last.weight <= 0.0) & (outlier == 0)
+    good = not count and not may_return.any() and _outlying_tangent(problem, solution) < 0
     return (problem, solution) if good else None
 
 
@@ -168,7 +169,7 @@ def _without_outliers(problem: Problem, solution: Solution) -> tuple[Problem, So
 
 
 def _outlying_points(problem: Problem, solution: Solution) -> tuple[int, np.ndarray]:
-    """Count and mark the outliers among the points."""
+    """Count the outliers among the points that have a weight, and mark these and those that have none."""
     u, y, weight = problem.model[:3]
     return core.outlying_points(
         u, y, weight, problem.variance, solution.ratio, solution.mean, solution.covariance
