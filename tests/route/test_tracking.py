@@ -113,6 +113,23 @@ def test_a_marker_that_stays_wrong_is_left_out_without_a_fit_from_nothing(bad, d
     assert warm >= 20
 
 
+@pytest.mark.parametrize("is_known", [False, True], ids=["unknown noise", "known noise"])
+def test_a_smooth_route_is_tracked_where_markers_are_lost_and_return(is_known):
+    rng, last, anew = np.random.default_rng(5), None, 0
+    noise = NOISE if is_known else None
+    for i in range(40):
+        points = points_mm(60, 0.02 * i, i, NOISE, ROUTES[1]) / 1e3
+        points[rng.integers(1, 59, rng.integers(3))] = np.nan
+        shape = clean(points)
+        last = follow(shape, noise, last)
+        anew += last.age == 0
+        assert len(last.fit.weight) == len(shape.points)
+        fresh = measure(shape, noise).arcs
+        assert abs(last.fit.arcs.total_angle - fresh.total_angle) < fresh.total_angle_se
+        assert 0.4 < last.fit.arcs.total_angle_se / fresh.total_angle_se < 2.5  # as where none is lost
+    assert anew <= 2
+
+
 def test_a_route_that_leaps_is_measured_anew():
     rng = np.random.default_rng(6)
     last = follow(clean(_points(_swaying(0.0), 120, rng)), NOISE, None)

@@ -156,7 +156,7 @@ def _fits(data: Data, chain: Chain, variance: float) -> bool:
 
 def _follow_spline(shape: Shape, noise: float | None, last: TrackedFit, method: Method) -> TrackedFit | None:
     """Go on with a spline, now and then with a trial of a chain; None where it fits no longer."""
-    spline = warm(shape, noise, last.fit.spline, last.noise_growth**2)
+    spline = warm(shape, noise, last.fit.spline, last.noise_growth**2, last.index)
     if spline is None:
         return None
     smooth = with_few_points_variance(spline_fit(spline), shape)

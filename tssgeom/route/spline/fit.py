@@ -190,14 +190,23 @@ def _angle_in_cells(shape: Shape, cell: float) -> float:
     return raw_angle(at_once(_fit_white(merged(shape, cell)[0], None))[0].route)
 
 
-def warm(shape: Shape, noise: float | None, last: Spline | None, growth: float = 1.0) -> Spline | None:
+def warm(
+    shape: Shape,
+    noise: float | None,
+    last: Spline | None,
+    growth: float = 1.0,
+    index: Vector | None = None,
+) -> Spline | None:
     """Fit the same route a moment after the last fit in one pass; None where that no longer holds.
 
-    The noise variance may have changed by a factor between 1 and `growth`.
+    The noise variance may have changed by a factor between 1 and `growth`. `index` are the counts in the
+    sensed sequence of the points of the last fit; without it they are those of the shape.
     """
     if last is None or last.shared_angle_error:
         return None
-    before = last.memory
+    before = last.memory if index is None else last.memory.on(index, shape.index)
+    if before is None:
+        return None
     if last.by_chords and shape.stations is None:
         shape = on_chords(shape, before.weight)
     same = (shape.stations is not None) == before.stations_known

@@ -103,6 +103,32 @@ class LastPass(NamedTuple):
     tangents: Points | None
     """Sensed directions that were used [n, 3]."""
 
+    def on(self, before: Vector, index: Vector) -> LastPass | None:
+        """Return it on other points of the sequence, in between where one was missing; None for other ends.
+
+        `before` and `index` are the counts in the sensed sequence of its points and of those that are wanted.
+        """
+        if np.array_equal(before, index):
+            return self
+        if (index[0], index[-1]) != (before[0], before[-1]):
+            return None
+        row = np.interp(index, before, np.arange(len(before)))
+        low = np.minimum(row.astype(int), len(before) - 2)
+        part = row - low
+
+        def between(values: np.ndarray) -> np.ndarray:
+            share = part.reshape(-1, *(1,) * (values.ndim - 1))
+            return (1.0 - share) * values[low] + share * values[low + 1]
+
+        return self._replace(
+            u=between(self.u),
+            y=between(self.y),
+            weight=np.where(np.isin(index, before), between(self.weight), 1.0),
+            mean=between(self.mean),
+            covariance=between(self.covariance),
+            tangents=None if self.tangents is None else self.tangents[low],
+        )
+
 
 def scaled_variance(noise: float | None, spacing: float) -> float:
     """Return the variance of a known noise [m] in squares of the spacing [m], or 0 where it is not known."""
