@@ -62,12 +62,15 @@ def write_report(
         write_figures(figures, stem, drawings)
 
 
+_REMEDY = "check signs and units (tssgeom check) and what the rig states, by the figures too (--figures DIR)"
+
+
 def print_verdict(path: Path, failures: Sequence[str], *, force: bool, written: bool) -> None:
     """Say which tests a fit fails; ends with exit status 2 where no rig is written."""
     for failure in failures:
         print_message(f"{path}: {'warning: ' if force else ''}the fit fails its test: {failure}")
     if not written:
-        print_message(f"{path}: no rig is written: mend the run or the rig, or give --force")
+        print_message(f"{path}: no rig is written: {_REMEDY}, or give --force")
         raise typer.Exit(2)
 
 

@@ -10,7 +10,9 @@ from tests.campaigns.causes import INSIDE
 from tests.campaigns.make import PLANS, make_campaign
 from tests.plausibility.spoilt import ON_ANY, SAMPLES, Bench, by_position, by_tension
 from tssgeom.io.formats.campaigns import read_campaign
-from tssgeom.plausibility.rules import RULES, Remark
+from tssgeom.plausibility.kinds import Remark
+from tssgeom.plausibility.machine_rules import MACHINE_RULES
+from tssgeom.plausibility.rules import RULES
 from tssgeom.plausibility.runs import run_remarks
 
 BENCHES = {"by_position": by_position(), "by_tension": by_tension()}
@@ -41,6 +43,7 @@ def test_seventy_runs_or_more_are_spoilt_in_ways_that_break_most_rules_on_runs()
         "stretch_size",
         "inconsistent_stretch",
         "missing",
+        *MACHINE_RULES,  # their tests stand in test_machines.py
     }
 
 

@@ -18,7 +18,7 @@ from tssgeom.identify.machine_held_out import cycles_held_out, runs_held_out
 from tssgeom.identify.machine_parameters import parameters_of
 from tssgeom.identify.machine_parts import DRIVE_LAG, drive_lag
 from tssgeom.identify.machine_problem import FIT, FitState, Problem, fitted_rows
-from tssgeom.identify.machine_run import MachineRun, predicted, thinned, with_drive_known
+from tssgeom.identify.machine_run import MachineRun, load_remarks, predicted, thinned, with_drive_known
 from tssgeom.identify.machine_selection import part_step
 from tssgeom.rig import Rig
 from tssgeom.uncertain import Uncertain
@@ -70,7 +70,7 @@ def calibrate_machine(
     else:
         progress("each run without the others", 0.7)
         held = runs_held_out(problem, state)
-    return calibration_of(problem, state, held, notes)
+    return calibration_of(problem, state, held, (*notes, *(each.text for each in load_remarks(runs, rig))))
 
 
 def _with_drive_lag(problem: Problem, state: FitState) -> tuple[Problem, FitState, tuple[str, ...]]:

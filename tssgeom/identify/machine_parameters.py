@@ -49,7 +49,7 @@ def parameters_of(runs: Sequence[MachineRun], rig: Rig, uncertain: Sequence[Unce
     parameters = [Parameter(key, unit_of(key), prior, "rig", key=key) for key, prior in stated.items()]
     parameters += own
     for k, run in enumerate(runs):
-        parameters += _of_run(run, k, len(runs))
+        parameters += _of_run(run, k, len(runs), rig)
     return parameters
 
 
@@ -78,11 +78,12 @@ def route_numbers(runs: Sequence[MachineRun]) -> list[list[int]]:
     ]
 
 
-def _of_run(run: MachineRun, k: int, runs: int) -> Iterator[Parameter]:
+def _of_run(run: MachineRun, k: int, runs: int, rig: Rig) -> Iterator[Parameter]:
     of = f" of {run.name}" if runs > 1 else ""
+    straight = rig.end.length_m + rig.end.marker_m
     for channel, values in run.measured.items():
         sd = LIMITS.zero * float(np.nanmax(values) - np.nanmin(values)) or 1.0
-        middle = float(np.nanmedian(values))
+        middle = float(np.nanmedian(values)) - (straight if channel == "tip_z_m" else 0.0)
         anywhere = unit_of(channel) in ("rad", "m") and abs(middle) > 3.0 * sd  # an encoder's own zero
         centre = middle if anywhere else 0.0
         prior = Prior(centre, sd, log=False)

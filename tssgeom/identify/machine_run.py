@@ -13,6 +13,10 @@ from tssgeom.identify.drive import calmed
 from tssgeom.identify.readings import READING, with_added
 from tssgeom.identify.turning import Legs, legs, with_turns
 from tssgeom.mechanism import numbered, tendon_count
+from tssgeom.plausibility.kinds import Remark
+from tssgeom.plausibility.machines import direction_remarks, load_sign_remarks, sign_remarks
+from tssgeom.plausibility.rules import warnings_of
+from tssgeom.plausibility.series import Series
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
 from tssgeom.statistics import reading_noise, turns
@@ -81,10 +85,12 @@ def machine_run(
     Raises
     ------
     SettingsError
-        Where there is no drive, no answer, or too little of either.
+        Where there is no drive, no answer, or too little of either, or a channel has the wrong sign.
     """
     count = tendon_count(rig.drive, rig.end)
     columns = with_torque(columns, rig)
+    read = Series(columns, rig)
+    signs = warnings_of(name, [*sign_remarks(read), *direction_remarks(read)])
     drive = drive_of(columns, count)
     given_names = ["time_s", *drive_channels(drive, count)]
     end_given = rig.end.given == "angle"
@@ -129,7 +135,9 @@ def machine_run(
         for each in columns
         if each not in (*given_names, *answers, "temperature_C", "motor_current_A")
     )
-    run = MachineRun(name, given, answers, held_out, tuple(routes), drive, end_given, count, notes=notes)
+    run = MachineRun(
+        name, given, answers, held_out, tuple(routes), drive, end_given, count, notes=(*notes, *signs)
+    )
     run = with_drive_known(run, rig.drive.lag_s)
     return run if made is None else _with_turns_between(run, made)
 
@@ -262,3 +270,8 @@ def route_of_rig(rig: Rig) -> Arcs:
     if length is None or angle is None:
         raise SettingsError("no shape: give --shape, or route.length_m and route.angle_rad in the rig")
     return Arcs.exact(np.array([length]), np.array([angle]))
+
+
+def load_remarks(runs: Sequence[MachineRun], rig: Rig) -> list[Remark]:
+    """Return the rule that the load of runs breaks together, where the motor does not hold it."""
+    return list(load_sign_remarks([Series({**run.given, **run.measured}, rig) for run in runs]))

@@ -8,8 +8,9 @@ import numpy as np
 
 from tssgeom.arrays import Vector
 from tssgeom.core.constants import CHANCE
+from tssgeom.plausibility.kinds import Remark
 from tssgeom.plausibility.limits import LIMITS
-from tssgeom.plausibility.rules import Remark, remark
+from tssgeom.plausibility.rules import remark
 from tssgeom.plausibility.series import Series, filled
 from tssgeom.rig import Sensor
 

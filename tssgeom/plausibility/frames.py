@@ -12,8 +12,9 @@ import numpy as np
 from tssgeom.arrays import Points
 from tssgeom.effects import HiddenBend
 from tssgeom.errors import SettingsError
+from tssgeom.plausibility.kinds import Remark
 from tssgeom.plausibility.limits import LIMITS
-from tssgeom.plausibility.rules import Remark, remark
+from tssgeom.plausibility.rules import remark
 from tssgeom.rig import Rig, Sensor
 
 _DRIVE = "tension_in_N"

@@ -52,6 +52,15 @@ class Limits:
     opposite: float = -0.5
     """Chosen: hysteresis alone leaves a positive correlation. Correlation of two channels of one
     motion [1]."""
+    of_direction: float = 0.5
+    """Chosen: a lag of a channel leaves less. Correlation of the motor's torque with its direction, beside
+    angle and load [1]."""
+    explained: float = 0.8
+    """Chosen: hysteresis and other tendons leave the rest. Bending that the pulls of a segment explain, of
+    its size [1]."""
+    along: float = 0.87
+    """Chosen: the cosine of 30°, half of what a sixth of a turn is off. Bending along the directions of the
+    rig, of that which any directions explain [1]."""
     lag_share: float = 0.07
     """Chosen: the lags of sound runs are below it. Lag over the time of a leg of the drive [1]."""
     lag_rows: float = 3.0

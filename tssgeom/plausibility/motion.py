@@ -8,8 +8,10 @@ import numpy as np
 
 from tssgeom.arrays import Vector
 from tssgeom.core.constants import CHANCE
+from tssgeom.plausibility.kinds import Remark
 from tssgeom.plausibility.limits import LIMITS
-from tssgeom.plausibility.rules import Remark, remark
+from tssgeom.plausibility.machines import correlation, direction_remarks, load_sign_remarks, sign_remarks
+from tssgeom.plausibility.rules import remark
 from tssgeom.plausibility.series import DRIVES, Series, filled
 from tssgeom.plausibility.values import DISPLACEMENTS, apparent_friction
 
@@ -23,6 +25,9 @@ def motion_remarks(run: Series, *, fitted: bool) -> Iterator[Remark]:
     """Yield what is wrong between channels; `fitted` is true where the run is measured."""
     yield from _tension_ratio(run)
     yield from _signs(run)
+    yield from sign_remarks(run)
+    yield from load_sign_remarks([run])
+    yield from direction_remarks(run)
     yield from _consistency(run)
     if fitted:
         yield from _rest(run)
@@ -83,20 +88,10 @@ def _signs(run: Series) -> Iterator[Remark]:
         pulls = run.means[against]
         if np.nanmedian(pulls) < 0.0 and against.endswith("_N"):
             pulls = -pulls  # an inverted cell, which is a remark of its own
-        together = _correlation(pulls, run.means[name])
+        together = correlation(pulls, run.means[name])
         if together < LIMITS.opposite:
             falls = f"{name} falls where {against} rises (correlation {together:.2f})"
             yield remark("sign", "run", falls)
-
-
-def _correlation(one: Vector, other: Vector) -> float:
-    there = np.isfinite(one) & np.isfinite(other)
-    a, b = one[there], other[there]
-    if len(a) < LIMITS.repeated_rows:
-        return 0.0
-    a, b = a - a.mean(), b - b.mean()
-    size = float(np.sqrt((a @ a) * (b @ b)))
-    return float(a @ b) / size if size > 0.0 else 0.0
 
 
 def _consistency(run: Series) -> Iterator[Remark]:

@@ -6,36 +6,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Literal, NamedTuple
 
 from tssgeom.core.constants import CHANCE
 from tssgeom.errors import SettingsError
+from tssgeom.plausibility.kinds import Remark, Rule, Severity, Subject
 from tssgeom.plausibility.limits import LIMITS
-
-Severity = Literal["refuse", "warn"]
-Subject = Literal["run", "campaign", "frame", "rig", "command"]
-
-
-class Rule(NamedTuple):
-    """One rule: a row of docs/checks.md."""
-
-    test: str
-    """What breaks it, in words, with its limits."""
-    severity: dict[Subject, Severity]
-    """What follows, by what is tested."""
-    reason: str
-    """Why no sound measurement does so."""
-    hint: str
-    """What to do, the end of each message."""
-
-
-class Remark(NamedTuple):
-    """A rule that is broken."""
-
-    rule: str
-    severity: Severity
-    text: str
-    """One line: what was measured, the hint, and the name of the rule."""
+from tssgeom.plausibility.machine_rules import MACHINE_RULES
 
 
 def remark(rule: str, subject: Subject, measured: str) -> Remark:
@@ -343,4 +319,4 @@ RULES: dict[str, Rule] = {
         "The sensor would measure nothing.",
         "check the unit of the sensor's numbers",
     ),
-}  # fmt: skip
+} | MACHINE_RULES  # fmt: skip

@@ -11,9 +11,10 @@ from tssgeom.arrays import Vector
 from tssgeom.effects import FrictionLaw, SensorLaw, StretchLaw
 from tssgeom.effects.kinds import ANSWERS
 from tssgeom.plausibility.digits import digit_remarks
+from tssgeom.plausibility.kinds import Remark
 from tssgeom.plausibility.limits import LIMITS
 from tssgeom.plausibility.motion import motion_remarks
-from tssgeom.plausibility.rules import Remark, remark
+from tssgeom.plausibility.rules import remark
 from tssgeom.plausibility.series import DRIVES, TIME, Series
 from tssgeom.plausibility.values import value_remarks
 from tssgeom.rig import Rig
