@@ -90,7 +90,8 @@ def _as_text(report: dict[str, Any]) -> str:
 
 def _campaign_as_text(report: dict[str, Any]) -> str:
     routes = ", ".join(f"{name} {length * 1e3:.1f} mm" for name, length in report["length_m"].items())
-    lines = [f"{report['file']}: campaign of {len(report['runs'])} runs on {routes}"]
+    runs = f"{len(report['runs'])} run{'s' if len(report['runs']) > 1 else ''}"
+    lines = [f"{report['file']}: campaign of {runs} on {routes}"]
     for run in report["runs"]:
         held = ", held out" if run["held_out"] else ""
         lines.append(

@@ -14,10 +14,11 @@ from pipelines.inputs import Refusal, inputs_of, print_reading
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.errors import ShapeError, TssgeomError
 from tssgeom.frame import fit_frame, require_usable
-from tssgeom.io.formats.campaigns import is_campaign, read_campaign
+from tssgeom.io.formats.campaigns import is_campaign, listing_of, read_campaign, read_plan
 from tssgeom.io.formats.columns import CHANNELS, MEASURED
 from tssgeom.io.formats.files import Recording, open_recording
 from tssgeom.io.formats.laboratory.mapping import ColumnMap
+from tssgeom.io.formats.machine_campaigns import is_machine_campaign, read_machine_campaign
 from tssgeom.io.formats.meshes import ENDINGS, read_lumen
 from tssgeom.io.formats.runs import IN_SI, holds_run, read_run
 from tssgeom.mechanism import tendon_count
@@ -28,6 +29,7 @@ from tssgeom.route.fibre.sensed import Fibre, clean_fibre, fit_fibre
 from tssgeom.stream import Frame, Rejected
 
 _ANY_RIG = Rig()  # the geometry does not depend on it
+_ROUTE_OF_RIG = "the route of the rig"
 _NOISES = {"noise", "curvature_noise"}  # of the points, of a fibre
 _MEASURED = {field for field, _ in MEASURED.values()} - _NOISES
 
@@ -89,6 +91,8 @@ def _checked_run(path: Path, columns: ColumnMap) -> dict[str, Any]:
 
 
 def _checked_campaign(path: Path, unit: str | None, columns: ColumnMap) -> dict[str, Any]:
+    if is_machine_campaign(path, columns):
+        return _checked_machine_campaign(path, unit, columns)
     campaign = read_campaign(path, unit, columns)
     runs = [
         {
@@ -108,6 +112,34 @@ def _checked_campaign(path: Path, unit: str | None, columns: ColumnMap) -> dict[
         "runs": runs,
         "length_m": routes,
         "warnings": list(campaign.notes),
+        "wrong": [],
+    }
+
+
+def _checked_machine_campaign(path: Path, unit: str | None, columns: ColumnMap) -> dict[str, Any]:
+    campaign = read_machine_campaign(path, unit, columns)
+    routes, runs = dict[str, float](), []
+    for listed, run in zip(read_plan(listing_of(path)).run, campaign.runs, strict=True):
+        shapes = (listed.shape,) if isinstance(listed.shape, str) else listed.shape
+        name = ", ".join(Path(shape).stem for shape in shapes if shape) or _ROUTE_OF_RIG
+        routes[name] = float(max(arcs.total_length for arcs in run.routes))
+        runs.append(
+            {
+                "name": run.name,
+                "route": name,
+                "samples": len(run.given["time_s"]),
+                "duration_s": float(np.ptp(run.given["time_s"])),
+                "measured": [name for name in (*run.given, *run.measured) if name != "time_s"],
+                "held_out": run.name in campaign.held_out,
+            }
+        )
+    notes = [f"{run.name}: {note}" for run in campaign.runs for note in run.notes]
+    return {
+        "file": str(path),
+        "holds": "campaign",
+        "runs": runs,
+        "length_m": routes,
+        "warnings": [*campaign.notes, *notes],
         "wrong": [],
     }
 

@@ -237,3 +237,32 @@ def test_german_compounds_are_read_as_their_parts(name, channel):
     meaning = meaning_of(name)
     assert meaning is not None
     assert meaning.channel == channel
+
+
+def test_many_unclear_columns_are_one_short_line_and_those_with_numbers_are_suggested_as_tendons(
+    tmp_path, capsys
+):
+    from pipelines.suggest import suggested
+
+    path = tmp_path / "robot.csv"
+    path.write_text(
+        "time_s," + ",".join(f"servo_{k}_mm" for k in range(1, 10)) + "\n0" + ",1" * 9 + "\n1" + ",2" * 9
+    )
+    with pytest.raises(ShapeError) as refused:
+        read_run(path)
+    said = str(refused.value)
+    assert '--map "servo_1_mm=displacement_in_1_m" or _out_' in said
+    assert said.endswith("; likewise of " + ", ".join(f"'servo_{k}_mm'" for k in range(3, 10)))
+    assert len(said) < 700
+    suggested([path], (), None)
+    printed = capsys.readouterr().out
+    assert all(f'servo_{k}_mm = "displacement_in_{k}_m"' in printed for k in range(1, 10))
+
+
+def test_counts_of_an_encoder_are_refused_with_the_option_for_an_angle(tmp_path):
+    path = tmp_path / "tool.csv"
+    path.write_text("time_s,Encoder [counts]\n0,1\n1,2\n")
+    with pytest.raises(
+        ShapeError, match=r"of counts with what one is, --map \"Encoder \[counts\]=motor_angle:0.001rad\""
+    ):
+        read_run(path)

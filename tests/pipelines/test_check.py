@@ -196,3 +196,28 @@ def test_channels_of_a_recording_are_held_against_each_other(run, tmp_path):
     path.write_text("".join(json.dumps(line) + "\n" for line in lines))
     (report,) = json.loads(run("check", path, "--json").out)
     assert any(warning.endswith("[tension_excess]") for warning in report["warnings"])
+
+
+def test_a_campaign_of_a_machine_with_unknown_numbers_is_reported_with_signs_that_are_wrong(run, tmp_path):
+    time = np.linspace(0.0, 20.0, 401)
+    motor = 0.8 * np.sin(time)
+    joint, load = 0.9 * motor, 0.02 * np.sin(0.3 * time)
+    torque = 0.05 * motor + 0.01 * np.sign(np.cos(time)) + load
+    columns = np.column_stack((time, motor, joint, torque, load))
+    header = "time_s,motor_angle_rad,joint_angle_rad,motor_torque_Nm,joint_torque_Nm"
+    (tmp_path / "rig.toml").write_text(
+        'friction.coefficient = "unknown"\ndrive = { kind = "pair", radius_m = "unknown" }\n'
+        'end = { kind = "joint", radius_m = 0.01 }\nroute = { length_m = 0.5, angle_rad = 3.0 }\n'
+    )
+    (tmp_path / "campaign.toml").write_text('[[run]]\ndata = "run.csv"\n')
+    np.savetxt(tmp_path / "run.csv", columns, delimiter=",", header=header, comments="")
+    outcome = run("check", tmp_path)
+    assert outcome.status == 0
+    assert "campaign of 1 run on the route of the rig 500.0 mm" in outcome.out
+    assert "motor_angle_rad, joint_torque_Nm, joint_angle_rad, motor_torque_Nm" in outcome.out
+    assert "warning" not in outcome.out
+    outcome = run("check", tmp_path, "--map", "joint_torque_Nm=joint_torque:-Nm")
+    assert "[load_sign]" in outcome.out
+    outcome = run("check", tmp_path, "--map", "joint_angle_rad=joint_angle:-rad")
+    assert outcome.status == 2
+    assert "[joint_sign]" in outcome.errors[0]

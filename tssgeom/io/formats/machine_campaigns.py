@@ -9,7 +9,7 @@ import msgspec
 
 from tssgeom.errors import SettingsError, TssgeomError
 from tssgeom.identify.machine_finding import MachineCampaign
-from tssgeom.identify.machine_run import machine_run, route_of_rig
+from tssgeom.identify.machine_run import load_remarks, machine_run, route_of_rig
 from tssgeom.io.formats.campaigns import Listed, listing_of, read_columns, read_plan, read_route, run_names
 from tssgeom.io.formats.files import output_names
 from tssgeom.io.formats.laboratory.mapping import NO_MAP, ColumnMap
@@ -85,6 +85,7 @@ def read_machine_campaign(
             runs.append(machine_run(name, columns_of_run, routes.of(listed), rig))
         except TssgeomError as error:
             raise type(error)(f"{path}: {error}") from error
+    notes += [each.text for each in load_remarks(runs, rig)]
     held = [name for name, listed in zip(names, plan.run, strict=True) if listed.held_out]
     return MachineCampaign(home.resolve().name, rig, uncertain, tuple(runs), tuple(held), tuple(notes))
 

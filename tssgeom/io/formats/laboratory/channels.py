@@ -236,15 +236,17 @@ def _options(column: Column) -> list[str]:
 def _likely(table: RawTable, column: Column, columns: Sequence[Column], held: set[str]) -> str:
     """Return the channel that a column of an open end likely is: friction makes the distal end the lesser."""
     options = _options(column)
-    pair = [option.partition(":")[0].rpartition("_")[0] for option in options]
-    present = held | {each.meaning.channel for each in columns}
-    if len(pair) == 2 and (pair[0] in present) != (pair[1] in present):
-        return options[pair[0] in present]
     same = [
         each
         for each in columns
         if each.meaning.quantity == column.meaning.quantity and values_of(table, each.at) is not None
     ]
+    if len(same) > 2 and (numbered := _numbered(column.name, options)):
+        return numbered
+    pair = [option.partition(":")[0].rpartition("_")[0] for option in options]
+    present = held | {each.meaning.channel for each in columns}
+    if len(pair) == 2 and (pair[0] in present) != (pair[1] in present):
+        return options[pair[0] in present]
     sizes = [float(np.nanmax(np.abs(values_of(table, each.at)), initial=0.0)) for each in same]  # type: ignore[arg-type]
     return options[0 if sizes.index(max(sizes)) == same.index(column) else -1]
 
@@ -256,11 +258,17 @@ def _option(name: str, meant: str) -> str:
 def _either(name: str, options: Sequence[str]) -> str:
     """Offer each option; where the name has the number of a tendon, those of a rig with several too."""
     offered = " or ".join(_option(name, option) for option in options)
+    numbered = _numbered(name, options)
+    return f"{offered}; of several tendons {_option(name, numbered)} or _out_" if numbered else offered
+
+
+def _numbered(name: str, options: Sequence[str]) -> str:
+    """Return the first option for the tendon whose number is in a name; empty where there is none."""
     number = next((digits for digits in re.findall(r"\d+", name) if 1 <= int(digits) <= MOST_TENDONS), None)
     if number is None or len(options) < 2:
-        return offered
+        return ""
     stem, mark, rest = options[0].rpartition("_")
-    return f"{offered}; of several tendons {_option(name, f'{stem}_{int(number)}{mark}{rest}')} or _out_"
+    return f"{stem}_{int(number)}{mark}{rest}"
 
 
 def _take_unitless(table: RawTable, column: Column, result: Resolved) -> None:
@@ -284,6 +292,8 @@ def _take_unitless(table: RawTable, column: Column, result: Resolved) -> None:
     result.suggested[column.name] = meant
 
 
+_OF_COUNTS = "motor_angle:0.001rad"
+
 COMPUTED = {
     *("displacement_reached_m", "tension_reached_N", "displacement_out_se_m", "tension_out_se_N"),
     *("displacement_out_se_by_tension_m", "tension_out_se_by_tension_N"),
@@ -304,10 +314,11 @@ def _leave(column: Column, result: Resolved, drives: tuple[str, ...]) -> None:
     if column.meaning.target or column.meaning.quantity not in drives or result.drives:
         result.warnings.append(not_read(column.name, nearest))
         return
-    options = _options(column)
+    options, counted = _options(column), re.search(r"\bcounts?\b", column.name, re.IGNORECASE)
     result.unclear.append(
         f"{column.name!r} may be a drive, and there is no other: give {_either(column.name, options)}, "
         f"or {_option(column.name, IGNORE)}"
+        + (f"; of counts with what one is, {_option(column.name, _OF_COUNTS)}" if counted else "")
     )
     result.suggested[column.name] = options[0]
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -22,6 +22,7 @@ from tssgeom.io.formats.laboratory.wide import FEWEST_POINTS, with_row_a_point
 from tssgeom.io.formats.paths import Stamp, selected, split, stamp_of
 from tssgeom.io.formats.recording import UNTIMED
 
+_MOST_WHOLE = 2  # unclear columns whose sentence is printed whole [1]; chosen: more make a wall of text
 _LONGER = 1.2
 """Length of the polygon by labels over that by rows, up to which labels are the order; chosen: a wrong order
 is several times as long."""
@@ -64,7 +65,7 @@ def laboratory_table(path: Path, columns: ColumnMap = NO_MAP, unit: str | None =
     table, result = tables[selected(path, names) if len(tables) > 1 else 0]
     columns.use(table.names)
     if result.unclear:
-        raise ShapeError(f"{file}: {'; '.join(result.unclear)}")
+        raise ShapeError(f"{file}: {_in_a_line(result.unclear)}")
     notes = [*table.notes, *result.notes]
     rows = np.arange(len(table))
     if part is not None and len(tables) == 1 and result.recordings is None:
@@ -195,3 +196,11 @@ def _is_an_order(numbers: Vector, values: Mapping[str, Vector]) -> bool:
 def _length(points: NDArray[np.float64]) -> float:
     whole = points[np.isfinite(points).all(axis=1)]
     return float(np.sum(np.linalg.norm(np.diff(whole, axis=0), axis=1)))
+
+
+def _in_a_line(unclear: Sequence[str]) -> str:
+    """Return what is unclear in one line: the first sentences whole, of the others the columns."""
+    if len(unclear) <= _MOST_WHOLE:
+        return "; ".join(unclear)
+    others = ", ".join(each.partition(f"{each[0]} ")[0] + each[0] for each in unclear[_MOST_WHOLE:])
+    return f"{'; '.join(unclear[:_MOST_WHOLE])}; likewise of {others}"

@@ -67,7 +67,7 @@ class RunOfCampaign(TypedDict):
     route: str
     """Name of its route."""
     samples: int
-    """Samples [1]."""
+    """Samples [1]; of a machine those that are used, to which a long run is thinned."""
     duration_s: float
     """Time from the first to the last sample [s]."""
     measured: list[str]
