@@ -15,6 +15,7 @@ import typer
 from pipelines.options import (
     Figures,
     FigureStyle,
+    GeometryOnly,
     Inputs,
     Json,
     Map,
@@ -59,6 +60,7 @@ def analyse(
         float | None,
         typer.Option("--at", help="Time of the frame to show, in s; at the highest peak of T_in by default."),
     ] = None,
+    geometry_only: GeometryOnly = False,
     same: Annotated[
         bool, typer.Option("--same", help="The shapes are one route, sensed several times: estimate it too.")
     ] = False,
@@ -72,7 +74,13 @@ def analyse(
 
     choose(style)
     settings = run_settings(
-        *(rig, tension_in, unit), lumen=lumen, tube_mm=tube_mm, columns=columns, at=at, takes_machines=True
+        *(rig, tension_in, unit),
+        lumen=lumen,
+        geometry_only=geometry_only,
+        tube_mm=tube_mm,
+        columns=columns,
+        at=at,
+        takes_machines=True,
     )
     if export and out is None:
         raise SettingsError(f"--export {export}: there is no folder to write to: give --out DIR too")

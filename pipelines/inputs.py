@@ -11,6 +11,7 @@ from typing import TypeVar
 
 from msgspec.structs import replace as changed
 
+from pipelines.first_pulls import first_pulls
 from pipelines.options import TENSION_IN
 from pipelines.terminal import print_message, sized_progress
 from tssgeom.engine import recorded
@@ -216,7 +217,8 @@ def analysis_of(
     recording = opened(path, settings)
     running = RunningSummary.of(recording.frame_count, settings.at)
     share = _size(path) / max(recording.frame_count, 1)
-    for item in recorded(recording.frames, settings.rig, tension_in=settings.tension_in):
+    processed = first_pulls if settings.geometry_only else recorded
+    for item in processed(recording.frames, settings.rig, tension_in=settings.tension_in):
         running.add(item, frame_row(item))
         step(1, share)
     return require_used(name, relative(path), recording, running.close())

@@ -41,6 +41,9 @@ TubeMm = Annotated[
     float | None,
     typer.Option("--tube-mm", help="Outer diameter of the tube in mm, for its clearance and its mesh."),
 ]
+GeometryOnly = Annotated[
+    bool, typer.Option("--geometry-only", help="Each frame of a recording is a first pull of its tendon.")
+]
 ToleranceMm = Annotated[
     float | None,
     typer.Option(

@@ -15,6 +15,9 @@ from tssgeom.errors import listed
 RADIANS, WARNINGS = "Φ ± s.e.\n[rad]", "warnings"
 CLEARANCE = "clearance\n[mm]"
 REJECTED = "rejected"
+_MOVED = (
+    0.1  # rad; chosen: bends that take 1 % of a tension at μ = 0.1. Φ of a route that moves, its errors apart
+)
 COLUMNS = (
     "shape",
     "points",
@@ -55,6 +58,10 @@ def print_summary(
         notes.append(
             f"T_in = {settings.tension_in:g} N is assumed (--tension-in): no drive in {listed(assumed)}"
         )
+    if not settings.geometry_only and (moved := [row["name"] for row in rows if _is_held(row)]):
+        held = f"T_out is that of a tendon held at {settings.tension_in:g} N since the first frame"
+        later = f"bends that came later take nothing of it, in {listed(moved)}"
+        notes.append(f"{held}; {later}: --geometry-only pulls it anew in each frame")
     columns = (*COLUMNS[:-1], CLEARANCE, WARNINGS) if has_clearance else COLUMNS
     optional = {RADIANS, WARNINGS}
     cells = [_cells(row) for row in rows]
@@ -69,6 +76,16 @@ def print_summary(
     if len(rejected) > MOST_REPORTED:
         notes.append(f"rejected: {len(rejected) - MOST_REPORTED} more, each with its reason in run.json")
     print_table(_title(settings), columns, cells, notes=notes, optional=optional)
+
+
+def _is_held(row: dict[str, Any]) -> bool:
+    """Whether a route moves under a tendon whose drive nobody measured."""
+    turned = row["total_angle_max_rad"] - row["total_angle_min_rad"]
+    return (
+        bool(row.get("tension_in_assumed"))
+        and row["timed"]
+        and turned > _MOVED + 6 * row["total_angle_se_rad"]
+    )
 
 
 def _frames_rejected(row: dict[str, Any]) -> str:

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from pipelines.options import FigureStyle, Json, Map, Quiet, RigFile, TensionIn, TubeMm, Unit
+from pipelines.options import FigureStyle, GeometryOnly, Json, Map, Quiet, RigFile, TensionIn, TubeMm, Unit
 
 
 def batch(
@@ -30,10 +30,7 @@ def batch(
     scheduler: Annotated[
         str | None, typer.Option("--scheduler", help="Dask scheduler, tcp://HOST:PORT, instead of processes.")
     ] = None,
-    geometry_only: Annotated[
-        bool,
-        typer.Option("--geometry-only", help="Each frame is a first pull; workers share the frames."),
-    ] = False,
+    geometry_only: GeometryOnly = False,
     pictures: Annotated[
         bool, typer.Option("--pictures/--no-pictures", help="Write recordings and figures.")
     ] = True,

@@ -135,6 +135,8 @@ def run(
 
 
 def _print_end(batch: Batch, options: BatchOptions, out: str) -> None:
+    if batch.left_out:
+        print_line(left_out_text(batch.left_out))
     if len(several := kinds([done.row for done in batch.finished])) > 1:
         for kind in several[: _LIMITS.most_outlying]:
             print_line(f"kind: {kind.words}")

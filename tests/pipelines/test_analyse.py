@@ -223,3 +223,24 @@ def test_a_time_in_another_unit_makes_frames(run, write_csv):
     assert output["tension_in_assumed"]
     (note,) = outcome.errors
     assert note.endswith("ms.csv: time_ms read as time_s × 0.001")
+
+
+def test_a_route_that_bends_under_a_tendon_that_nobody_measured_is_said_and_may_be_pulled_anew(run, tmp_path):
+    def bent(angle):
+        turn = np.linspace(0.0, angle, 30)
+        return 300 / angle * np.column_stack([np.sin(turn), 1 - np.cos(turn), 0 * turn])
+
+    frames = [bent(angle) for angle in np.linspace(0.1, 3.0, 12)]
+    lines = [{"t": k, "unit": "mm", "points": each.tolist()} for k, each in enumerate(frames)]
+    moving, still = tmp_path / "moving.jsonl", tmp_path / "still.jsonl"
+    moving.write_text("\n".join(map(json.dumps, lines)))
+    still.write_text("\n".join(json.dumps(each | {"points": lines[-1]["points"]}) for each in lines))
+    measured = tmp_path / "measured.jsonl"
+    measured.write_text("\n".join(json.dumps(each | {"tension_in_N": 10.0}) for each in lines))
+    held = "held at 10 N since the first frame; bends that came later take nothing of it, in moving:"
+    assert held in run("analyse", moving, "--tension-in", "10").out
+    assert "since the first frame" not in run("analyse", still, measured, "--tension-in", "10").out
+    outcome = run("analyse", moving, "--tension-in", "10", "--geometry-only", "--json")
+    last = json.loads(outcome.out)
+    assert last["tension_out_N"] == pytest.approx(10.0 * math.exp(-0.145 * 3.0), rel=1e-3)
+    assert "since the first frame" not in run("analyse", moving, "--tension-in", "10", "--geometry-only").out

@@ -42,10 +42,15 @@ def test_files_of_no_format_are_counted_on_stderr_in_the_report_and_in_the_recor
     for name in ("a.json", "b.json", "wall.obj"):
         (folder / name).write_text("{}")
     out = tmp_path / "out"
-    said = "3 files left out, of no format of shapes: .json 2, .obj 1"
+    write_csv("in/half.txt", half_circle())
+    said = (
+        "3 files left out, of no format of shapes: .json 2, .obj 1; "
+        "1 file left out, of an ending that is read where it is named, as in FOLDER/*.txt: .txt 1"
+    )
     outcome = run("batch", folder, "--out", out, "--no-pictures")
     assert (outcome.status, outcome.errors) == (0, [f"tssgeom: {said}"])
-    assert json.loads((out / "run.json").read_text())["left_out"] == {".json": 2, ".obj": 1}
+    assert said in outcome.out  # at its end too, below hundreds of lines of progress
+    assert json.loads((out / "run.json").read_text())["left_out"] == {".json": 2, ".obj": 1, ".txt": 1}
     assert said in (out / "report.html").read_text()
     assert run("check", folder).errors == run("analyse", folder).errors == [f"tssgeom: {said}"]
 

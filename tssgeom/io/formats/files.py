@@ -48,7 +48,7 @@ READERS: dict[str, Reader] = {
     ".db3": open_bag,
 }
 """The reader of each ending."""
-_ONLY_NAMED = (".txt", ".dat", ".txt.gz", ".dat.gz")
+ONLY_NAMED = (".txt", ".dat", ".txt.gz", ".dat.gz")
 """Endings of files that are read where they are named; in a folder they may be anything."""
 
 _NO_DATA = (".toml", ".md")
@@ -120,7 +120,7 @@ def _reader(file: Path) -> Reader:
                 return reader
         raise SourceError(f"{file}: a folder, not a file: name the files in it")
     reader = READERS.get(ending(file))
-    if (reader is None or ending(file) in _ONLY_NAMED) and _is_recording(file.parent):
+    if (reader is None or ending(file) in ONLY_NAMED) and _is_recording(file.parent):
         raise SourceError(f"{file}: a part of a recording: name the folder, {file.parent}")
     if reader is None:
         hint = _HINTS.get(ending(file), f"use {_endings()}")
@@ -250,7 +250,7 @@ def left_out_of(paths: Iterable[str | Path], besides: Collection[Path] = ()) -> 
 def _is_shape(file: Path) -> bool:
     """Whether a file or folder that stands in a folder is one of shapes."""
     kind = ending(file)
-    return file.is_dir() or (kind in READERS and kind not in _ONLY_NAMED)
+    return file.is_dir() or (kind in READERS and kind not in ONLY_NAMED)
 
 
 def _files_in(folder: Path, left_out: Collection[Path]) -> Iterator[Path]:
