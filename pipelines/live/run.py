@@ -136,6 +136,7 @@ def run(options: LiveOptions, settings: RunSettings) -> int:
                 report(remark)
         if state is not None and math.isfinite(state.time):
             session.time = state.time
+            report(f"{options.state}: the tendon goes on from t = {state.time:g} s")
         follower = _follower(options, settings, report) if options.adapt else None
         followed = () if follower is None else settings.rig.adapt
         commander = commander_of(

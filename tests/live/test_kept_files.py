@@ -86,16 +86,18 @@ def test_a_viewer_port_that_is_taken_is_an_error_at_the_start(run):
     assert f"port {port}: Address already in use: choose another with --view-port" in outcome.errors[-1]
 
 
-def test_a_state_of_another_rig_is_named_and_one_of_the_same_is_not(tmp_path):
+def test_a_state_that_is_taken_up_is_said_and_that_of_another_rig_is_named(tmp_path):
     state, rig = tmp_path / "tendon.json", tmp_path / "rig.toml"
     rig.write_text("[friction]\ncoefficient = 0.3\n")
-    said = []
+    said, goes_on = [], []
     for options in ((), (), ("--rig", rig)):
         with live("--state", state, *options) as stream:
             answer_one(stream)
             assert stream.stop() == 0
         said.append([text for text in stream.errors if "of another rig" in text])
+        goes_on.append([text for text in stream.errors if "the tendon goes on from t = " in text])
     assert [len(one) for one in said] == [0, 0, 1]
+    assert [len(one) for one in goes_on] == [0, 1, 1]
     assert "tendon.json" in said[-1][0]
 
 

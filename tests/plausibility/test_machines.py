@@ -69,6 +69,17 @@ def test_the_channel_of_a_joint_that_is_inverted_is_named(names, rules):
     assert signs_of(inverted(joint_run(), *names)) == rules
 
 
+def test_a_joint_that_stands_while_its_drive_crosses_the_dead_zone_is_not_clipped():
+    joint = np.minimum(joint_run()["joint_angle_rad"], 0.5)  # stands, to the digit, while the motor goes on
+    assert "clipped" not in {each.rule for each in run_remarks(joint_run() | {"joint_angle_rad": joint})}
+    force = {
+        "time_s": TIME,
+        "displacement_in_m": np.sin(TIME),
+        "tension_in_N": np.minimum(2.0 + np.sin(TIME), 2.5),
+    }
+    assert "clipped" in {each.rule for each in run_remarks(force)}
+
+
 def test_a_joint_that_moves_the_motor_has_no_sign_of_its_torque():
     end = End(kind="joint", radius_m=R, given="angle")
     run = inverted(joint_run(), "motor_torque_Nm", "joint_torque_Nm")

@@ -197,7 +197,7 @@ RULES: dict[str, Rule] = {
     ),
     "clipped": Rule(
         f"{_L.clipped_rows} readings or more stay at the greatest value while another channel rises by "
-        f"{_L.slight:.0%} of its range, or readings are at full scale",
+        f"{_L.slight:.0%} of its range, or readings are at full scale; of angles only the latter",
         _WARNED,
         "The range of the recorder ends there.",
         "leave these cells empty, or record with a wider range",
