@@ -59,12 +59,13 @@ def test_a_folder_without_shapes_is_refused(tmp_path):
         ("", "a folder, not a file"),
         ("notes.doc", "no reader takes '.doc': use .csv"),
         ("lines.json", "no reader takes '.json': one JSON object a line is .jsonl"),
+        ("run.json.gz", "no reader takes '.json.gz': one JSON object a line is .jsonl"),
         ("wall.stl", "a mesh is the wall of a lumen, no route: give it as --lumen"),
         ("noending", "no reader takes 'a file without ending'"),
     ],
 )
 def test_a_path_that_is_no_shape_file_is_refused(tmp_path, name, says):
-    touch(tmp_path, "notes.doc", "noending", "lines.json", "wall.stl")
+    touch(tmp_path, "notes.doc", "noending", "lines.json", "run.json.gz", "wall.stl")
     with pytest.raises(SourceError) as caught:
         open_recording(tmp_path / name)
     assert says in str(caught.value)

@@ -17,7 +17,7 @@ from tssgeom.io.formats.meshes import ENDINGS as MESHES
 from tssgeom.io.formats.meshes import is_lumen
 from tssgeom.io.formats.ndi import is_ndi, open_ndi
 from tssgeom.io.formats.npz import open_npz
-from tssgeom.io.formats.paths import MARKUPS, ending, part_of, split, stem
+from tssgeom.io.formats.paths import MARKUPS, PACKED, ending, part_of, split, stem
 from tssgeom.io.formats.point_tables import names_recordings, open_table
 from tssgeom.io.formats.recording import Recording
 from tssgeom.io.formats.ros import is_bag, open_bag
@@ -54,7 +54,7 @@ ONLY_NAMED = (".txt", ".dat", ".txt.gz", ".dat.gz")
 _NO_DATA = (".toml", ".md")
 """Endings of files that stand beside data: settings and explanations."""
 _HINTS = {
-    ".json": f"one JSON object a line is .jsonl, Slicer's markups are {MARKUPS}",
+    ".json": f"one JSON object a line is .jsonl, Slicer's markups are {MARKUPS}, a run is a table (.csv)",
     **dict.fromkeys(MESHES, "a mesh is the wall of a lumen, no route: give it as --lumen"),
     ".vtk": "write the lines as .vtp",
 }
@@ -123,8 +123,8 @@ def _reader(file: Path) -> Reader:
     if (reader is None or ending(file) in ONLY_NAMED) and _is_recording(file.parent):
         raise SourceError(f"{file}: a part of a recording: name the folder, {file.parent}")
     if reader is None:
-        hint = _HINTS.get(ending(file), f"use {_endings()}")
-        raise SourceError(f"{file}: no reader takes {file.suffix or 'a file without ending'!r}: {hint}")
+        hint = _HINTS.get(ending(file).removesuffix(PACKED), f"use {_endings()}")
+        raise SourceError(f"{file}: no reader takes {ending(file) or 'a file without ending'!r}: {hint}")
     return reader
 
 
