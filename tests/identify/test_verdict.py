@@ -7,7 +7,7 @@ import pytest
 from tests.worked_finding import worked_finding
 from tssgeom.identify.finding import Estimate, Misfit
 from tssgeom.identify.misfit import held_out_change
-from tssgeom.identify.verdict import Judgement, number, sentence, why_unknown
+from tssgeom.identify.verdict import Judgement, number, sentence, times, why_unknown
 
 
 def misfit(before: float, after: float) -> Misfit:
@@ -76,3 +76,10 @@ def test_nothing_is_missing_only_as_far_as_the_held_out_runs_agree():
 
 def test_a_number_without_an_interval_is_written_alone():
     assert number(Estimate(0.0021, "m", -math.inf, math.inf)) == "2.1 mm"
+
+
+@pytest.mark.parametrize(
+    ("ratio", "written"), [(213.4, "210 times"), (6.93, "6.9 times"), (0.512, "0.51 times")]
+)
+def test_a_misfit_is_written_without_a_power_of_ten(ratio: float, written: str):
+    assert times(ratio) == written

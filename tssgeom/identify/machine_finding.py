@@ -41,7 +41,7 @@ from tssgeom.identify.machine_problem import FIT
 from tssgeom.identify.machine_run import MachineRun, finely_predicted
 from tssgeom.identify.machine_selection import PartSelection, TriedPart, reordered, without_part
 from tssgeom.identify.misfit import beyond_noise
-from tssgeom.identify.verdict import Judgement, remainder, sentence
+from tssgeom.identify.verdict import Judgement, remainder, sentence, times
 from tssgeom.rig import Rig, with_values
 from tssgeom.statistics import EVIDENCE_SCALE
 from tssgeom.tendon.machine_simulation import drive_channels
@@ -146,9 +146,7 @@ class MachineWork:
             return Judgement("none", "", False, math.nan)
         refused = [one for one in self.chosen.steps[0].tried if one.evidence > EVIDENCE_SCALE.very_strong]
         why = f"; of {refused[0].part.label}: {refused[0].why_not.rstrip('.')}" if refused else ""
-        reason = (
-            f"{left:.2g} times the noise of the channels is left, and no part that may act explains it{why}"
-        )
+        reason = f"{times(left)} the noise of the channels is left, and no part that may act explains it{why}"
         return Judgement("unknown", reason, False, math.nan)
 
     def _parts(self, after: MachineCalibration) -> Iterator[Candidate]:

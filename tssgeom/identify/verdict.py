@@ -132,7 +132,7 @@ def sentence(
     if judged.verdict == "none":
         return _nothing_missing(base, misfit)
     if judged.verdict == "unknown":
-        return f"Something is missing that has no name here: {judged.reason}."
+        return f"No effect of the library explains it: {judged.reason}."
     parts = " and ".join(_effect(one) for one in effects if one.law is None)
     learnt = "; ".join(law_words(one) for one in effects if one.law is not None)
     text = f"The model lacks {parts}" if parts else "The model lacks a law that no formula of the library has"
@@ -144,9 +144,14 @@ def sentence(
     return f"{text}{_held_out_words(*held_out_change(misfit))}{remains}."
 
 
+def times(ratio: float) -> str:
+    """Say how many times a misfit is of the noise, in two digits without a power of ten [1]."""
+    return f"{float(f'{ratio:.2g}'):.15g} times"
+
+
 def remainder(left: float) -> str:
     """Say what is left with the chosen effects, in units of the noise [1]."""
-    return f"Something remains that has no name here: {left:.2g} times the noise."
+    return f"Something remains that has no name here: {times(left)} the noise."
 
 
 def _nothing_missing(base: Mapping[str, Estimate], misfit: Misfit) -> str:
@@ -155,7 +160,7 @@ def _nothing_missing(base: Mapping[str, Estimate], misfit: Misfit) -> str:
     if held > UNINFORMATIVE:
         return (
             f"No effect is missing on the fitted runs: {numbers} leave no more than the sensors explain "
-            f"there, but {held:.2g} times the noise on the held-out runs."
+            f"there, but {times(held)} the noise on the held-out runs."
         )
     return f"No effect is missing: {numbers} leave no more than the sensors explain."
 
@@ -167,7 +172,7 @@ def _held_out_words(before: float, after: float) -> str:
     if max(before, after) <= UNINFORMATIVE:
         return "; the held-out runs have no misfit, with it or without"
     first, last = float(f"{before:.2g}"), float(f"{after:.2g}")
-    change = f"from {before:.3g} to {after:.2g} times the noise"
+    change = f"from {before:.3g} to {times(after)} the noise"
     if last < first:
         closed = math.floor(100.0 * (1.0 - after / before))
         return f"; it closes {closed} % of the disagreement on runs that were not fitted ({change})"
