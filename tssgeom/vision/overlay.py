@@ -30,8 +30,8 @@ def annotated(
 ) -> np.ndarray:
     """Draw the sightings of one camera in one frame.
 
-    Circles are sightings with their number, coloured by arc length, red where they were not used. The line
-    joins the triangulated points; short white strokes are twenty times the reprojection errors.
+    Circles are sightings, coloured by arc length, red where they were not used; their numbers stand off the
+    line, which joins the triangulated points. Short white strokes are twenty times the reprojection errors.
     """
     canvas = _in_colour(image)
     size = max(canvas.shape[0] / 600.0, 0.6)
@@ -46,9 +46,10 @@ def annotated(
             _draw_outline(canvas, sightings, k, shades[n], size)
             error = sightings.centre[k] - pixels[n]
             _draw_line(canvas, sightings.centre[k], sightings.centre[k] + _MAGNIFIED * error, _WHITE, size)
-            _write(
-                canvas, str(labels[n]), sightings.centre[k] + _beside(sightings, k), shades[n], 0.45 * size
-            )
+    outward = _outward(pixels)
+    for n, k in enumerate(used.tolist()):  # above every outline
+        if k >= 0:
+            _write_beside(canvas, str(labels[n]), sightings.centre[k], _reach(sightings, k), outward[n], size)
     return _headed(canvas, heading, size)
 
 
@@ -118,9 +119,33 @@ def _draw_outline(
     cv2.circle(canvas, _at(sightings.centre[k]), _fine(radius), colour, thick, cv2.LINE_AA, _SUB)
 
 
-def _beside(sightings: Sightings, k: int) -> np.ndarray:
-    reach = float(np.sqrt(sightings.size[k] / np.pi)) + 5.0
-    return np.array([0.8 * reach, -0.8 * reach])
+def _reach(sightings: Sightings, k: int) -> float:
+    """Return how far a sighting and its outline reach from their middle [px]."""
+    corners = np.linalg.norm(sightings.pixels[k] - sightings.centre[k], axis=1)
+    return max(float(np.sqrt(sightings.size[k] / np.pi)), float(corners.max())) + 5.0
+
+
+def _outward(pixels: np.ndarray) -> np.ndarray:
+    """Return unit vectors [n, 2] square to the line of the markers, away from their middle."""
+    known = np.isfinite(pixels).all(axis=1)
+    out = np.tile([0.0, -1.0], (len(pixels), 1))
+    if known.sum() > 1:
+        line = pixels[known]
+        along = np.gradient(line, axis=0)
+        square = np.column_stack((along[:, 1], -along[:, 0]))
+        square *= np.where(np.sum(square * (line - line.mean(axis=0)), axis=1) < 0, -1.0, 1.0)[:, None]
+        out[known] = square / np.maximum(np.linalg.norm(square, axis=1, keepdims=True), 1e-9)
+    return out
+
+
+def _write_beside(
+    canvas: np.ndarray, text: str, middle: np.ndarray, reach: float, outward: np.ndarray, size: float
+) -> None:
+    """Write a number in white, its middle so far outward that it is clear of a sighting."""
+    (width, height), _ = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, 0.45 * size, 1)
+    half = 0.5 * np.array([width, height])
+    at = middle + (reach + float(np.abs(outward) @ half)) * outward
+    _write(canvas, text, at + half * (-1.0, 1.0), _WHITE, 0.45 * size)
 
 
 def _headed(canvas: np.ndarray, heading: str, size: float) -> np.ndarray:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from math import ceil, sqrt
 from pathlib import Path
 
 import numpy as np
@@ -13,13 +14,14 @@ import rerun.blueprint as rrb
 from tssgeom.arrays import Points, Vector
 from tssgeom.view import colours
 from tssgeom.view.quantities import ANGLE, TENSION_OUT
-from tssgeom.view.scene.blueprint import BACKGROUND, layout, space_view, time_panel
+from tssgeom.view.scene.blueprint import BACKGROUND, layout, plot, space_view, time_panel
 from tssgeom.view.scene.camera import Camera, camera
 from tssgeom.view.scene.columns import Sender
 from tssgeom.view.scene.space import send_scale_bar
 from tssgeom.view.scene.writer import recording_file
 
 _NAMED = 40  # markers: with more, their numbers would hide one another
+_NUMBER = 0.06  # of the height of the view: Rerun writes the number of a marker so far below it; measured
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +52,7 @@ def write_track_recording(path: Path, tracked: Tracked) -> None:
         Where the file cannot be written.
     """
     known = tracked.points[~np.isnan(tracked.points).any(axis=2)]
-    view = camera(known, _forward(tracked.points))
+    view = _with_numbers(camera(known, _forward(tracked.points)))
     views, application = _blueprint(tracked, view), f"tssgeom track: {tracked.name}"
     with recording_file(path, tracked.name, views, application=application) as recording:
         sender = Sender(recording, tracked.time)
@@ -60,6 +62,12 @@ def write_track_recording(path: Path, tracked: Tracked) -> None:
         sender.constant_text("summary", tracked.summary)
         for name, images in tracked.images.items():
             _send_images(recording, name, images)
+
+
+def _with_numbers(view: Camera) -> Camera:
+    """Return a view with room for the numbers of the markers below the lowest of them."""
+    room = 0.5 * _NUMBER * view.view_height
+    return replace(view, target=view.target - room * view.up, half_height=view.half_height + room)
 
 
 def _forward(points: np.ndarray) -> Vector:
@@ -105,20 +113,22 @@ def _send_images(recording: rr.RecordingStream, name: str, images: Sequence[tupl
 
 
 def _blueprint(tracked: Tracked, view: Camera) -> rrb.Blueprint:
-    cameras = rrb.Horizontal(
+    cameras = rrb.Grid(
         *(
             rrb.Spatial2DView(
-                origin=f"camera/{name}", name=f"{name}: image with detected markers", background=BACKGROUND
+                origin=f"camera/{name}", name=f"{name}: detected markers", background=BACKGROUND
             )
             for name in tracked.images
-        )
+        ),
+        grid_columns=ceil(sqrt(len(tracked.images))),
     )
+    noise = float(np.nanmax(1e3 * tracked.noise, initial=0.0))
     title = f"{tracked.name}: markers along the sheath, numbered from proximal to distal"
     space = space_view(title, view, ("sensed", "route", "scale"))
     below = rrb.Horizontal(
         rrb.TextDocumentView(origin="summary", name="Summary"),
-        rrb.TimeSeriesView(name="Markers located [%] over time [s]", contents=["series/seen"]),
-        rrb.TimeSeriesView(name="Noise of a coordinate [mm]", contents=["series/noise"]),
+        plot("Markers located [%] against time [s]", ["series/seen"], top=100.0),
+        plot("Noise of a coordinate [mm] against time [s]", ["series/noise"], top=noise or None),
         column_shares=[40, 30, 30],
     )
     above = rrb.Horizontal(space, cameras, column_shares=[45, 55])
