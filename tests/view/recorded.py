@@ -37,6 +37,12 @@ def axes(path: Path) -> list[list[float]]:
     return _of_layout(path, "ScalarAxis:range")
 
 
+def spans(path: Path) -> list[tuple[float, float]]:
+    """First and last time [s] of the plots whose range the layout of a recording fixes."""
+    ranges = _of_layout(path, "TimeAxis:view_range")
+    return [(1e-9 * one["start"], 1e-9 * one["end"]) for one in ranges]
+
+
 def _of_layout(path: Path, column: str) -> list:
     reader = RrdReader(str(path))
     values = list[object]()

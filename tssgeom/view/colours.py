@@ -35,6 +35,7 @@ _ON_DARK = {
     "#d55e00": "#f0803c",
     "#c9dcea": "#24405a",
     "#f6f3e6": "#2d2a1c",
+    "#ffffff": "#111318",
 }
 """Colours of lines and bands, and what replaces them on a dark ground; chosen: of one hue."""
 _GREY = 0.17
@@ -42,6 +43,8 @@ _GREY = 0.17
 _BLACK, _WHITE = 0.08, 0.93
 """What white and black become on a dark ground; chosen: the ground is that of the recordings."""
 
+TENDONS = (TENSION_OUT, ELONGATION, "#009e73", ANGLE)
+"""Colours of tendons 1, 2 and so on of a machine on white; they begin anew after four."""
 PIECES = ((230, 159, 0), (86, 180, 233), (204, 121, 167), (240, 228, 66), (213, 94, 0), (0, 158, 115))
 """Colours of neighbouring pieces: a selection of Okabe and Ito, distinct to colour-blind people too."""
 
@@ -107,6 +110,11 @@ def rgb_of(colour: str) -> tuple[int, int, int]:
 def piece_rgb(piece: int) -> tuple[int, int, int]:
     """Colour of the piece of this number, counted from 0."""
     return PIECES[piece % len(PIECES)]
+
+
+def tendon_rgb(number: int) -> tuple[int, int, int]:
+    """Colour of the tendon of this number, counted from 0, on the dark ground of a recording."""
+    return rgb_of(on_dark(TENDONS[number % len(TENDONS)]))
 
 
 def css(rgb: tuple[int, int, int]) -> str:

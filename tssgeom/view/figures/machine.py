@@ -14,13 +14,11 @@ from tssgeom.identify.calibrated_pieces import CalibratedPiece
 from tssgeom.identify.machine_estimates import MachineCalibration, MachineEstimate
 from tssgeom.identify.machine_run import MachineRun
 from tssgeom.tendon.machine_simulation import drive_channels
+from tssgeom.view import colours
 from tssgeom.view.figures.plots import (
     BLUE,
-    GREEN,
     MEASURED,
-    ORANGE,
     PAGE,
-    PURPLE,
     SOFT,
     figure,
     legend_below,
@@ -34,8 +32,6 @@ _HEIGHT = 1.9
 _ROW = 1.2
 """Of one kind of channel of a run [inch]."""
 _NUMBER = re.compile(r"_\d+(?=_)")
-_COLOURS = (BLUE, ORANGE, GREEN, PURPLE)
-"""Of tendons 1, 2 and so on; they begin anew after four."""
 
 
 def computed_figure(name: str, channels: Mapping[str, Vector], readings: Mapping[str, Vector]) -> Figure:
@@ -65,7 +61,7 @@ def _draw_computed(
     """Draw channels of one kind, such as the tensions of all tendons, and their readings as circles."""
     several, read = len(channels) > 1, [name for name in channels if name in readings]
     for k, (name, values) in enumerate(channels.items()):
-        of, colour = quantity(name), _COLOURS[k % len(_COLOURS)]
+        of, colour = quantity(name), colours.TENDONS[k % len(colours.TENDONS)]
         if name in read:
             label = "_" if name != read[0] else "of the run"  # measured, or a target
             measured(axes, time, of.factor * readings[name], label=label)

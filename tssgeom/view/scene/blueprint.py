@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
+import rerun as rr
 import rerun.blueprint as rrb
 
 from tssgeom.view import colours
-from tssgeom.view.quantities import TIMELINE
+from tssgeom.view.quantities import COUNT, TIMELINE
 from tssgeom.view.scene.camera import Camera
 from tssgeom.view.scene.charts import Box
 
 BACKGROUND = rrb.Background(color=colours.BACKGROUND)
 _IN_SPACE = ("route", "sensed", "joints", "labels", "lumen", "scale")
+_LEGEND = 0.26
+"""Room for a legend before the first sample, over the span of all; chosen: two fifths of a screen of 1280 px,
+less the numbers of the axis, have the longest name of a quantity there."""
+Span = tuple[float, float]
+"""First and last time of a run [s], or count of its samples."""
 
 
 class ChartBoxes(NamedTuple):
@@ -38,14 +45,16 @@ def blueprint(
     live: bool = False,
     moving: bool = True,
     tension: float | None = None,
+    span: Span | None = None,
     more: rrb.Container | None = None,
 ) -> rrb.Blueprint:
     """Arrange the views of a shape, or of a run with its series and its timeline; `live` shows the newest.
 
     The plot of tensions ends at `tension` [N] where that is known; that of the curve angle is left out where
-    the route is not `moving`. `more` is a second tab.
+    the route is not `moving`. Where the `span` of the run is known, legends stand before it. `more` is a
+    second tab.
     """
-    views = _run_views(name, camera, tension, moving=moving) if timed else _shape_views(name, camera)
+    views = _run_views(name, camera, tension, span, moving=moving) if timed else _shape_views(name, camera)
     if more is not None:
         views.name = name
         views = rrb.Tabs(views, more)
@@ -58,9 +67,11 @@ def _shape_views(name: str, camera: Camera) -> rrb.Container:
     return rrb.Horizontal(left, right, column_shares=[6, 4])
 
 
-def _run_views(name: str, camera: Camera, tension: float | None, *, moving: bool) -> rrb.Container:
+def _run_views(
+    name: str, camera: Camera, tension: float | None, span: Span | None, *, moving: bool
+) -> rrb.Container:
     left = rrb.Vertical(_space(name, camera, "; slip front in pink"), _texts(), row_shares=[66, 34])
-    series = _series(tension)[: 3 if moving else 2]
+    series = _series(tension, span)[: 3 if moving else 2]
     right = rrb.Vertical(*_charts(timed=True), *series, row_shares=[26, 22, 20, 16, 16][: 2 + len(series)])
     return rrb.Horizontal(left, right, column_shares=[58, 42])
 
@@ -84,14 +95,14 @@ def _texts() -> rrb.Container:
     return rrb.Horizontal(summary, table, column_shares=[5, 6])
 
 
-def _series(tension: float | None) -> list[rrb.TimeSeriesView]:
+def _series(tension: float | None, span: Span | None) -> list[rrb.TimeSeriesView]:
     tensions = ["series/tension_in", "series/tension_out", "series/tension_out_measured"]
     angles = ["series/angle", "series/angle_least", "series/angle_most"]
     elongations = ["series/elongation", "series/elongation_measured"]
     return [
-        plot("Tension [N] against time [s]", tensions, top=tension, named=True),
-        plot("Elongation δ [mm] against time [s]", elongations, named=True),
-        plot("Accumulated curve angle Φ ± s.e. [°] against time [s]", angles, named=True),
+        plot("Tension [N] against time [s]", tensions, top=tension, named=True, span=span),
+        plot("Elongation δ [mm] against time [s]", elongations, named=True, span=span),
+        plot("Accumulated curve angle Φ ± s.e. [°] against time [s]", angles, named=True, span=span),
     ]
 
 
@@ -142,24 +153,50 @@ def chart(entity: str, title: str, box: Box) -> rrb.Spatial2DView:
 
 
 def plot(
-    title: str, contents: list[str], *, top: float | None = None, named: bool = False
+    title: str,
+    contents: list[str],
+    *,
+    top: float | None = None,
+    named: bool = False,
+    span: Span | None = None,
 ) -> rrb.TimeSeriesView:
     """Return a view of lines over time, from 0 to `top` where that is given.
 
-    Where the lines are `named`, a legend stands in the view instead of its title bar.
+    Where the lines are `named`, a legend stands in the view instead of its title bar, before the `span` of
+    the lines where that is given.
     """
     return rrb.TimeSeriesView(
         name=title,
         contents=contents,
         plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.LeftTop, visible=None if named else False),
         titlebar=False if named else None,
+        axis_x=beside_legend(span),
         axis_y=from_zero(top),
     )
+
+
+def beside_legend(span: Span | None, timeline: str = TIMELINE) -> rrb.archetypes.TimeAxis | None:
+    """Return an axis of time with room for a legend before the lines; None for what the viewer fits."""
+    if span is None or span[1] <= span[0]:
+        return None
+    first, last = span[0] - _LEGEND * (span[1] - span[0]), span[1]
+    at = rr.encodings.TimeRangeBoundary.absolute
+    begin, end = (
+        (at(seq=round(first)), at(seq=round(last)))
+        if timeline == COUNT
+        else (at(seconds=first), at(seconds=last))
+    )
+    return rrb.archetypes.TimeAxis(view_range=rr.encodings.TimeRange(start=begin, end=end))
 
 
 def from_zero(top: float | None) -> rrb.ScalarAxis | None:
     """Return an axis from 0 to its top, so that 0 and a number stand at it; None for what the viewer fits.
 
-    The viewer writes few numbers, in steps of powers of ten: of 2 to 18 it writes 10 alone.
+    The viewer writes few numbers, in steps of powers of ten: of 2 to 18 it writes 10 alone, of 0 to 8 only 0
+    where there is little room. So an axis that a power of ten at most doubles ends there.
     """
-    return None if top is None else rrb.ScalarAxis(range=(-0.05 * top, 1.05 * top))
+    if top is None:
+        return None
+    power = 10.0 ** math.ceil(math.log10(top)) if top > 0 else 0.0
+    most = power if power < 2.0 * top else top
+    return rrb.ScalarAxis(range=(-0.05 * most, 1.05 * most))

@@ -18,6 +18,9 @@ ASPECT = 1.5
 """Width of the spatial view over its height, on a common screen."""
 _TIE = np.array([1e-6, 1e-7, 1e-8])
 """Decides the direction across the screen of a route whose ends coincide or lie one above the other."""
+_ASIDE = 0.05
+"""How far beyond the right end of a route the axes of space stand [heights of the view]; chosen: they are off
+a route that ends there, and inside the view."""
 _TRIAD = 0.045
 """Length of the axes of space [heights of the view]; chosen: shorter than the room below a route."""
 _LETTER = np.array([0.03, 0.042])
@@ -84,7 +87,8 @@ class Camera:
     def triad(self, below: float) -> tuple[Points, Points]:
         """Return axes x, y, z [3, 2, 3] `below` the route on the right, and where their letters stand."""
         down = self.half_height + below * self.view_height
-        origin = self.target + self.half_width * self.across - down * self.up
+        right = self.half_width + _ASIDE * self.view_height
+        origin = self.target + right * self.across - down * self.up
         reach = _TRIAD * self.view_height * np.eye(3)
         letters = axis_letters(self.axes[:2].T, _TRIAD, 0.5 * _TRIAD, _LETTER) @ self.axes[:2]
         letters = self.view_height * letters

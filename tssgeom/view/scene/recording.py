@@ -59,7 +59,8 @@ def write_recording(
     measured = [clearance(one) for one in run.results] if clearance else []
     top = max(run.ranges.tension, *(one.frame.tension_out or 0.0 for one in run.results))
     moving = len({one.arcs.total_angle for one in run.results}) > 1
-    views = blueprint(name, run.camera, timed=timed, moving=moving, tension=top)
+    span = run.results[0].frame.time, run.results[-1].frame.time
+    views = blueprint(name, run.camera, timed=timed, moving=moving, tension=top, span=span)
     with recording_file(path, name, views) as recording:
         sender = Sender(recording, _times(run))
         send_pictures(sender, run, lumen, measured)

@@ -10,7 +10,7 @@ from tssgeom.view import colours
 from tssgeom.view import finding_wording as words
 from tssgeom.view.figures.finding import models
 from tssgeom.view.quantities import COUNT
-from tssgeom.view.scene.blueprint import from_zero
+from tssgeom.view.scene.blueprint import Span, beside_legend, from_zero
 from tssgeom.view.scene.charts import Box
 from tssgeom.view.scene.finding.lines import column, plotted_channels
 from tssgeom.view.scene.finding.replay import Replay, friction_map
@@ -79,11 +79,14 @@ def _plots(finding: Finding, tension: float) -> list[rrb.TimeSeriesView]:
     name, widest = channels[0]
     most = max(float(np.nanmax(each.measured.get(name, 0.0), initial=0.0)) for each in finding.traces)
     top = max(tension, most) if widest.unit == "N" else None
-    first = _plot("channel", f"{widest.label} over the samples of all runs", legend=True, axis=from_zero(top))
+    span = 0.0, float(sum(len(each.time) for each in finding.traces) - 1)
+    title = f"{widest.label} over the samples of all runs"
+    first = _plot("channel", title, span, legend=True, axis=from_zero(top))
     left = [
         _plot(
             f"left/{name}",
             f"Δ{reported.label}, measured less simulated, ± 2σ of the sensors",
+            span,
             legend=k == 0,
             axis=_of_residuals(finding, name, reported.factor),
         )
@@ -100,6 +103,9 @@ def _of_residuals(finding: Finding, name: str, factor: float) -> rrb.ScalarAxis:
     return rrb.ScalarAxis(range=(-1.1 * most, 1.1 * most))
 
 
-def _plot(origin: str, title: str, *, legend: bool, axis: rrb.ScalarAxis | None) -> rrb.TimeSeriesView:
+def _plot(
+    origin: str, title: str, span: Span, *, legend: bool, axis: rrb.ScalarAxis | None
+) -> rrb.TimeSeriesView:
     corner = rrb.PlotLegend(corner=rrb.Corner2D.LeftTop, visible=legend)
-    return rrb.TimeSeriesView(origin=origin, name=title, plot_legend=corner, axis_y=axis)
+    across = beside_legend(span, COUNT)
+    return rrb.TimeSeriesView(origin=origin, name=title, plot_legend=corner, axis_x=across, axis_y=axis)
