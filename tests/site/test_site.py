@@ -5,6 +5,7 @@
 Skipped where the site is not built or Chromium is missing; `.ci/run` has both.
 """
 
+import base64
 import re
 from pathlib import Path
 
@@ -77,6 +78,40 @@ def test_a_report_has_no_error_and_no_text_that_is_cut_or_covered(browser, repor
     assert browser.run(LAYOUT) == []
     ground = browser.run("getComputedStyle(document.body).backgroundColor")
     assert (ground == "rgb(255, 255, 255)") != dark
+
+
+@needs_chromium
+def test_a_heat_map_has_the_same_colours_on_a_dark_screen(browser, reports):
+    shades = "[...document.querySelectorAll('[id=\"fixed colour\"] *')].map((e) => getComputedStyle(e).fill)"
+    light, dark = [], []
+    for found, is_dark in ((light, False), (dark, True)):
+        browser.open(reports["finding"], 1280, dark=is_dark)
+        found += browser.run(shades)
+    assert len(set(light)) > 20
+    assert light == dark
+
+
+@needs_chromium
+def test_two_inputs_fit_a_printed_page(browser, reports):
+    half_page, width = (297 - 28) / 2, 210 - 28  # of A4 less its margins [mm]
+    browser.open(reports["batch"], round(width * 96 / 25.4))
+    browser.call("Emulation.setEmulatedMedia", media="print")
+    try:
+        browser.run("document.querySelectorAll('details.input').forEach((each) => { each.open = true; })")
+        heights = browser.run(
+            "[...document.querySelectorAll('details.input')].map((e) => e.getBoundingClientRect().height)"
+        )
+        assert len(heights) == 3
+        assert max(heights) * 25.4 / 96 < half_page
+    finally:
+        browser.call("Emulation.setEmulatedMedia", media="")
+
+
+@needs_chromium
+def test_a_printed_finding_has_no_page_for_a_short_section(browser, reports):
+    browser.open(reports["finding"], 1280)
+    pages = base64.b64decode(browser.call("Page.printToPDF", preferCSSPageSize=True)["data"])
+    assert len(re.findall(rb"/Type\s*/Page\b", pages)) <= 4  # six where no section was broken
 
 
 @needs_chromium

@@ -10,7 +10,7 @@ import pytest
 from tests.worked_finding import without_held_out, worked_finding
 from tssgeom.errors import SourceError
 from tssgeom.identify.finding import Experiment, RigNumber
-from tssgeom.view.finding_wording import candidate, is_selected, next_steps
+from tssgeom.view.finding_wording import candidate, is_selected, next_steps, significant
 from tssgeom.view.report.finding import write_finding_report
 
 VOID = {"meta", "br", "link", "img", "input", "hr"}
@@ -138,6 +138,28 @@ def test_where_nothing_was_held_out_the_fitted_runs_judge(tmp_path: Path) -> Non
     text = Page((tmp_path / "report.html").read_text("utf-8")).text
     assert "none held out" in text
     assert "none was held out, what is left" in text
+
+
+def test_numbers_of_one_table_have_the_same_digits_and_a_minus_is_no_hyphen(tmp_path: Path) -> None:
+    assert [significant(value, 3) for value in (0.26, 0.0287, 112.0, 1.0)] == [
+        "0.260",
+        "0.0287",
+        "112",
+        "1.00",
+    ]
+    finding = worked_finding()
+    worse = replace(finding.ranking[-1], evidence=replace(finding.ranking[-1].evidence, delta_bic=-35.2))
+    write_finding_report(tmp_path / "page.html", replace(finding, ranking=(worse,)))
+    assert "<td>\N{MINUS SIGN}35</td>" in (tmp_path / "page.html").read_text("utf-8")
+
+
+def test_effects_whose_evidence_differs_when_tried_alone_say_so(tmp_path: Path) -> None:
+    finding = worked_finding()
+    (chosen,), page = finding.effects, tmp_path / "page.html"
+    changed = replace(chosen, evidence=replace(chosen.evidence, delta_bic=1.0 + chosen.evidence.delta_bic))
+    for effect, differs in ((chosen, False), (changed, True)):
+        write_finding_report(page, replace(finding, effects=(effect,)))
+        assert ("Each is tried alone" in page.read_text("utf-8")) == differs
 
 
 def test_a_page_is_the_same_for_the_same_finding(folder: Path, tmp_path: Path) -> None:

@@ -283,3 +283,16 @@ def test_the_number_at_the_right_end_of_an_axis_stays_inside_its_chart() -> None
     chart.axes("L [mm]", "inputs")
     (last,) = re.findall(r'<text x="([\d.]+)" y="[\d.]+" text-anchor="(\w+)">4000<', chart.svg())
     assert last == (f"{WIDTH - 1:.1f}", "end")
+
+
+def test_names_of_lines_stand_above_the_box_of_a_chart(moving: list[FrameResult], tmp_path: Path) -> None:
+    chart = Chart("title", (0.0, 1.0), (0.0, 1.0))
+    chart.legend([("pulling", "#0072b2"), ("releasing", "#d55e00")])
+    (up,) = re.findall(r'<text class="n" x="[\d.]+" y="([\d.]+)"', chart.svg())
+    assert float(up) < chart.box[1]
+    page = tmp_path / "report.html"
+    write_report(page, [rendered(ReportEntry.of("moving", moving, timed=True))], rig=Rig(), tension_in=15.0)
+    assert (
+        re.findall(r"<tspan[^>]*>(pulling|releasing)", page.read_text("utf-8"))
+        == ["pulling", "releasing"] * 2
+    )

@@ -278,7 +278,7 @@ def _ranked(one: TriedPart, top: float, *, chosen: bool) -> Candidate:
     after = calibration_of(one.model.problem, one.model.state)
     effect = one.part.effect if isinstance(one.part.effect, RigNumber) else one.model.rig.effects[-1]
     evidence = Evidence(one.delta_bic, EVIDENCE_SCALE.very_strong, one.size, one.held_ratio)
-    less = f"its ΔBIC, held-out readings included, is {top - one.evidence:.1f} below the best."
+    less = f"its ΔBIC, held-out readings included, is {top - one.evidence:.0f} below the best."
     why = "" if chosen else one.why_not or less
     return Candidate((one.part.name,), (effect,), (_numbers(one.part, after),), evidence, why)
 

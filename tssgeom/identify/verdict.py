@@ -239,4 +239,4 @@ def why_not(one: Candidate, less: float, needed: float, held: HeldOutChange) -> 
         return f"it changes no channel by more than {evidence.size_over_limit:.2g} of the detection limit."
     if evidence.delta_bic - held.rise < needed:
         return f"{held.worse or 'the held-out runs do not show it'}."
-    return f"its ΔBIC, held-out runs included, is {less:.1f} below the best."
+    return f"its ΔBIC, held-out runs included, is {less:.0f} below the best."

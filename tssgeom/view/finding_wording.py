@@ -97,6 +97,11 @@ def number(value: float, spread: float = math.nan) -> str:
     return f"{value:.{digits}f}"
 
 
+def significant(value: float, digits: int) -> str:
+    """Write a number with so many significant digits, its last ones too where they are 0."""
+    return f"{value:#.{digits}g}".rstrip(".")
+
+
 def ratio(value: float) -> str:
     """Write a ratio; a dash where there is none."""
     return f"{value:.2f}" if math.isfinite(value) else "–"

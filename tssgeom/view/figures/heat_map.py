@@ -27,7 +27,11 @@ from tssgeom.view.figures.style import FIXED
 
 _LINES = (BLUE, ORANGE, GREEN, PURPLE, SKY)
 _MOST = 1e3
-_PALE = 0.45  # position on the scale of colours from which a number is written dark on light
+_PALE = 0.18
+"""Luminance of a colour from which a number in it is written black; derived: black and white have one
+contrast with it, 4.6, by the formula of the W3C."""
+_LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+"""Of red, green and blue, by ITU-R BT.709."""
 
 
 def heat_figure(finding: Finding) -> Figure:
@@ -40,11 +44,12 @@ def heat_figure(finding: Finding) -> Figure:
         axes = drawing.subplots()
         axes.grid(visible=False)
         scale = LogNorm(1.0, float(np.clip(np.nanmax(power, initial=10.0), 10.0, _MOST)))
-        image = axes.pcolormesh(np.maximum(power, 1.0), cmap="cividis", norm=scale)
+        image = axes.pcolormesh(np.maximum(power, 1.0), cmap="cividis", norm=scale, gid=FIXED)
         axes.invert_yaxis()
         for i, j in zip(*np.nonzero(np.isfinite(power)), strict=True):
             value = float(power[i, j])
-            shade = INK if float(scale(max(value, 1.0))) > _PALE else "white"
+            ground = np.array(image.cmap(scale(max(value, 1.0)))[:3])
+            shade = "black" if _luminance(ground) > _PALE else "white"
             at, style = (j + 0.5, i + 0.5), {"ha": "center", "va": "center", "fontsize": SMALLEST}
             axes.text(*at, _digits(value), color=shade, gid=FIXED, **style)
         axes.set_yticks(np.arange(rows) + 0.5, [subscripts(words.renamed(label)) for label in heat.rows])
@@ -56,8 +61,14 @@ def heat_figure(finding: Finding) -> Figure:
         axes.set_xlabel("phase of the drive and T_in; empty: no samples")
         bar = drawing.colorbar(image, ax=axes, pad=0.01, fraction=0.04, format="%g")
         bar.set_label("mean square over that of the sensors [1]")
-        bar.solids.set(rasterized=False, edgecolor="face")  # pyright: ignore[reportOptionalMemberAccess]
+        bar.solids.set(rasterized=False, edgecolor="face", gid=FIXED)  # pyright: ignore[reportOptionalMemberAccess]
     return drawing
+
+
+def _luminance(rgb: np.ndarray) -> float:
+    """Return the relative luminance of a colour of sRGB."""
+    linear = np.where(rgb > 0.04045, ((rgb + 0.055) / 1.055) ** 2.4, rgb / 12.92)
+    return float(_LUMINANCE @ linear)
 
 
 def _digits(power: float) -> str:

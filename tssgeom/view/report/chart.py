@@ -122,13 +122,14 @@ class Chart:
                 )
 
     def legend(self, names: Sequence[tuple[str, str]]) -> None:
-        """Write names in their colours, from the upper left corner of the box on."""
-        left, top, _, _ = self.box
+        """Write names in their colours above the box, where no line goes, beside the title of its axis."""
+        right = self.box[2]
         spans = "".join(
             f'<tspan fill="{colour}" dx="{6 if number else 0}">{lowered(name)}</tspan>'
             for number, (name, colour) in enumerate(names)
         )
-        self._parts.append(f'<text class="n" x="{left + 5:.1f}" y="{top + 11:.1f}">{spans}</text>')
+        place = f'x="{right:.1f}" y="{ABOVE - 9:.1f}" text-anchor="end"'
+        self._parts.append(f'<text class="n" {place}>{spans}</text>')
 
     def svg(self) -> str:
         """Return the chart as an element of a page."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import re
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -20,7 +21,7 @@ from tssgeom.view.figures.laws import law_figure, laws_of
 from tssgeom.view.figures.plots import markup
 from tssgeom.view.figures.ranking import listed_candidates, ranking_figure
 from tssgeom.view.report.misfit_table import misfit_table, phase_table
-from tssgeom.view.report.page import filled, program_version
+from tssgeom.view.report.page import filled, program_version, with_subscripts
 from tssgeom.view.report.proposed_runs import proposed_figures, proposed_markup
 
 _ACCENTS = {"none": "#009e73", "effect": "#0072b2", "tie": "#a35c00", "unknown": "#a3508a"}
@@ -160,7 +161,7 @@ def _beyond(misfit: float) -> str:
 
 
 def _next(finding: Finding) -> str:
-    steps = "".join(f"<li>{html.escape(step)}</li>" for step in words.next_steps(finding))
+    steps = "".join(f"<li>{with_subscripts(html.escape(step))}</li>" for step in words.next_steps(finding))
     return _section(
         "What to do next",
         f"<ul>{steps}</ul>",
@@ -183,7 +184,8 @@ def _where(finding: Finding) -> str:
     if not finding.heat.rows:
         return ""
     items = "".join(
-        f"<li>{html.escape(words.misfit_cell(each))}</li>" for each in finding.where[:_MOST_CELLS]
+        f"<li>{with_subscripts(html.escape(words.misfit_cell(each)))}</li>"
+        for each in finding.where[:_MOST_CELLS]
     )
     text = (
         f"<p>Of all that the sensors do not explain, before:</p><ul>{items}</ul>"
@@ -231,11 +233,17 @@ def _ranking(finding: Finding) -> str:
     alone = (
         "<p>Each is tried alone on the base model. “What acts” compares the model with and without the "
         "effect, so that the two ΔBIC of one effect differ.</p>"
-        if len(finding.effects) > 1
+        if _differs_alone(finding)
         else ""
     )
     figure = _figure(ranking_figure, finding, "")
     return _section("Runners-up, and why not", alone, figure, _table(head, rows, text=(1,)), note)
+
+
+def _differs_alone(finding: Finding) -> bool:
+    """Whether an effect has another ΔBIC beside the others, or on the final model, than when tried alone."""
+    alone = {each.names: round(each.evidence.delta_bic) for each in finding.ranking}
+    return any(alone.get(each.names, -1) != round(each.evidence.delta_bic) for each in finding.effects)
 
 
 def _unobservable(finding: Finding) -> str:
@@ -254,13 +262,14 @@ def _base(finding: Finding) -> str:
         [
             words.plain(name).removesuffix(" per N"),
             f"{finding.nominal[name]:.4g}" if name in finding.nominal else "",
-            f"{each.value:.4g}",
-            f"{each.low:.4g} to {each.high:.4g}",
+            words.significant(each.value, 4),
+            f"{words.significant(each.low, 4)} to {words.significant(each.high, 4)}",
             "" if each.unit == "1" else each.unit,
         ]
         for name, each in finding.base.items()
     ]
-    tie = f"<p>{html.escape(finding.base_tie)}</p>" if finding.base_tie else ""
+    text = f"{finding.base_tie[:1].upper()}{finding.base_tie[1:].rstrip('.')}."
+    tie = f"<p>{html.escape(text)}</p>" if finding.base_tie else ""
     head = ("", "rig file", "refitted", "95 % interval", "unit")
     title = "Numbers of the rig, refitted" if finding.is_machine else "Friction and compliance, refitted"
     return _section(title, _table(head, rows), tie)
@@ -326,4 +335,7 @@ def _table(head: Sequence[str], rows: Sequence[Sequence[str]], text: Sequence[in
 
 def _cells(tag: str, kinds: Sequence[str], texts: Sequence[str]) -> str:
     pairs = zip(kinds, texts, strict=True)
-    return "".join(f"<{tag}{kind}>{html.escape(text)}</{tag}>" for kind, text in pairs)
+    return "".join(f"<{tag}{kind}>{_MINUS.sub(_SIGN, html.escape(text))}</{tag}>" for kind, text in pairs)
+
+
+_MINUS, _SIGN = re.compile(r"(?<![\w.])-(?=\d)"), "\N{MINUS SIGN}"

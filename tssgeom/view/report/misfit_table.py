@@ -32,7 +32,7 @@ def _row(misfit: Misfit, name: str, groups: list[str], one: bool) -> str:
     quantity = words.channel(name)
     cells = [
         f"<td>{with_subscripts(html.escape(quantity.label))}</td>",
-        f"<td>{quantity.factor * misfit.noise[name]:.3g}</td>",
+        f"<td>{words.significant(quantity.factor * misfit.noise[name], 3)}</td>",
     ]
     for runs in groups:
         if name not in misfit.before[runs]:
@@ -46,10 +46,10 @@ def _row(misfit: Misfit, name: str, groups: list[str], one: bool) -> str:
 
 def _pair(before: float, after: float, *, one: bool) -> str:
     if one:
-        return f"<td>{after:.3g}</td>"
+        return f"<td>{words.significant(after, 3)}</td>"
     change = after - before
     kind = "" if abs(change) <= _CLEARLY * before else ' class="better"' if change < 0 else ' class="worse"'
-    return f"<td>{before:.3g}</td><td{kind}>{after:.3g}</td>"
+    return f"<td>{words.significant(before, 3)}</td><td{kind}>{words.significant(after, 3)}</td>"
 
 
 def phase_table(misfit: Misfit, *, one: bool) -> str:

@@ -206,7 +206,7 @@ def _over_time(run: Series) -> Iterator[Chart]:
     across = limits_of(time, zero=False, room=0.0)
     for quantity, middle, half, observed in _responses(run, chosen):
         drive = [run.tension_in[chosen]] if quantity is TENSION_OUT else []
-        limits = limits_of(middle - half, middle + half, *observed, *drive, room=0.15, zero=quantity != ANGLE)
+        limits = limits_of(middle - half, middle + half, *observed, *drive, zero=quantity != ANGLE)
         title = "Tensions" if drive else quantity.words.capitalize()
         chart = Chart(f"{title} ± s.e. over time", across, limits)
         chart.axes("t [s]", "T [N]" if drive else quantity.label)
@@ -216,9 +216,9 @@ def _over_time(run: Series) -> Iterator[Chart]:
         chart.line(time, middle, quantity.ink)
         _measured(chart, time, observed)
         names = [("T_in", TENSION_IN.ink)] if drive else []
-        chart.legend(
-            [*names, (quantity.symbol, quantity.ink), *([("measured (circles)", _INK)] if observed else [])]
-        )
+        names += [(quantity.symbol, quantity.ink), *([("measured (circles)", _INK)] if observed else [])]
+        if len(names) > 1:  # one line is named by its axis
+            chart.legend(names)
         yield chart
 
 
