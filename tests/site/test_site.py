@@ -81,19 +81,19 @@ def test_a_report_has_no_error_and_no_text_that_is_cut_or_covered(browser, repor
 
 
 @needs_chromium
-def test_a_heat_map_has_the_same_colours_on_a_dark_screen(browser, reports):
+def test_a_heat_map_has_the_same_colours_in_dark_mode(browser, reports):
     shades = "[...document.querySelectorAll('[id=\"fixed colour\"] *')].map((e) => getComputedStyle(e).fill)"
     light, dark = [], []
-    for found, is_dark in ((light, False), (dark, True)):
+    for fills, is_dark in ((light, False), (dark, True)):
         browser.open(reports["finding"], 1280, dark=is_dark)
-        found += browser.run(shades)
+        fills += browser.run(shades)
     assert len(set(light)) > 20
     assert light == dark
 
 
 @needs_chromium
 def test_two_inputs_fit_a_printed_page(browser, reports):
-    half_page, width = (297 - 28) / 2, 210 - 28  # of A4 less its margins [mm]
+    half_page, width = (297 - 28) / 2, 210 - 28  # of A4, 14 mm less at each side [mm]
     browser.open(reports["batch"], round(width * 96 / 25.4))
     browser.call("Emulation.setEmulatedMedia", media="print")
     try:

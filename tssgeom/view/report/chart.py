@@ -128,8 +128,8 @@ class Chart:
             f'<tspan fill="{colour}" dx="{6 if number else 0}">{lowered(name)}</tspan>'
             for number, (name, colour) in enumerate(names)
         )
-        place = f'x="{right:.1f}" y="{ABOVE - 9:.1f}" text-anchor="end"'
-        self._parts.append(f'<text class="n" {place}>{spans}</text>')
+        position = f'x="{right:.1f}" y="{ABOVE - 9:.1f}" text-anchor="end"'
+        self._parts.append(f'<text class="n" {position}>{spans}</text>')
 
     def svg(self) -> str:
         """Return the chart as an element of a page."""
