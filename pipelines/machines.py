@@ -112,7 +112,8 @@ def _write_figures(folder: Path | None, title: str, run: MeasuredRun, done: Mach
     from pipelines.figures import write_figures
     from tssgeom.view.figures.machine import computed_figure
 
-    draw = partial(computed_figure, title, done.channels, run.columns)
+    given = "of the run" if done.reached is None else "target"
+    draw = partial(computed_figure, title, done.channels, run.columns, given)
     return [folder / file for file in write_figures(folder, run.name, {"machine": draw})]
 
 

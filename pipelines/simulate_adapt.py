@@ -15,6 +15,7 @@ from tssgeom.statistics import NORMAL_95
 if TYPE_CHECKING:
     from pipelines.inputs import RunSettings
     from tssgeom.adapt.offline import FollowedRun, MachineColumns, RunColumns
+    from tssgeom.arrays import Vector
     from tssgeom.io.formats.runs import MeasuredRun
     from tssgeom.io.results.keys.runs import FollowedNumber, FollowedObject, NumberAt
 
@@ -74,8 +75,7 @@ def simulate_adapt(
         write_followed(out / RUN, followed)
         write_numbers(out / NUMBERS, followed)
         write_alerts(out / ALERTS, followed)
-        measured = run.columns.get("tension_out_1_N", run.tension_out)
-        draw = partial(followed_figure, followed, measured)
+        draw = partial(followed_figure, followed, *_drawn_channel(run, channel, followed))
         files = write_figure(draw, out, FIGURE)
         files = [(out / name).as_posix() for name in (RUN, NUMBERS, ALERTS, REPORT, *files)]
         if figures is not None:
@@ -98,6 +98,15 @@ def simulate_adapt(
             print_table(title, columns, [_row(each) for each in report["numbers"]])
             print_line(f"table: {out / RUN}   numbers: {out / NUMBERS}   figure: {out / FIGURE}.png")
         return 1 if sensed.rejected else 0
+
+
+def _drawn_channel(run: MeasuredRun, drive: str, followed: FollowedRun) -> tuple[Vector | None, str]:
+    """Return what was read of the channel that the figure has, and its name; of a machine it is no drive."""
+    kind = drive.split("_")[:2]
+    beside = [name for name in followed.channels if name in run.columns and name.split("_")[:2] != kind]
+    if beside:
+        return run.columns[beside[0]], beside[0]
+    return run.tension_out, "tension_out_N"
 
 
 def _drive_of(run: MeasuredRun, settings: RunSettings) -> str:

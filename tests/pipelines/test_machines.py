@@ -104,7 +104,8 @@ def test_both_draw_the_channels_of_a_machine_and_name_the_figures(run, tmp_path,
         expected = [figures / f"{words[-1].stem}_machine.{ending}" for ending in ("pdf", "svg")]
         assert {*map(str, expected)} <= {*json.loads(done.out)["files"]}
         text = expected[1].read_text(encoding="utf-8")
-        assert all(symbol in text for symbol in ("in,1", "in,2", "of the run"))
+        given = "target" if words[0] == "compensate" else "of the run"
+        assert all(symbol in text for symbol in ("in,1", "in,2", given, "motor angle", "joint angle"))
 
 
 def test_unknown_numbers_are_identified_or_reported_as_tied(run, tmp_path):

@@ -12,7 +12,7 @@ from tests.view.layout import faults
 from tssgeom import Arcs, compensate
 from tssgeom.adapt.offline import AlertRow, FollowedRun
 from tssgeom.stream import FrameResult
-from tssgeom.view.figures.adapt import followed_figure
+from tssgeom.view.figures.adapt import draw_number, followed_figure
 from tssgeom.view.figures.commands import command_figure
 from tssgeom.view.figures.plots import PAGE, figure, measured
 from tssgeom.view.figures.route import draw_route
@@ -39,6 +39,22 @@ def test_names_of_alerts_stand_apart_wherever_the_alerts_are(
         for at, name in zip(since, names, strict=True)
     )
     assert faults(followed_figure(replace(followed, alerts=alerts), followed.ends[:, 1])) == []
+
+
+@pytest.mark.parametrize(
+    ("key", "words"),
+    [
+        ("end.stiffness_Nm_per_rad", "end stiffness\n[N·m/rad]"),
+        ("drive.friction_Nm", "drive friction\n[mN·m]"),
+        ("drive.play_rad", "drive play\n[rad]"),
+        ("tendon.compliance_per_N", "compliance\n[1/N]"),
+    ],
+)
+def test_a_followed_number_has_its_name_without_its_unit(followed: FollowedRun, key: str, words: str) -> None:
+    named = replace(followed, stretches=tuple(replace(one, keys=(key,)) for one in followed.stretches))
+    with figure((PAGE, 2.0)) as drawing:
+        axes = draw_number(drawing.subplots(), named, key)
+    assert axes.get_ylabel() == words
 
 
 def test_measured_values_are_circles_without_a_line_and_few_of_many() -> None:

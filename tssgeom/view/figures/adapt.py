@@ -1,4 +1,4 @@
-"""Figure of a followed run: each number over time with its band, the distal tension beside its reading."""
+"""Figure of a followed run: each number over time with its band, and a channel beside its reading."""
 
 from __future__ import annotations
 
@@ -20,17 +20,22 @@ _BEFORE, _AFTER = (
     30.0,
 )  # of the first alert, in the picture of the distal tension [s]; chosen: some strokes
 _UNITS = {
+    "Nm_per_rad": ("N·m/rad", 1.0),
+    "N_per_m": ("N/m", 1.0),
+    "per_N": ("1/N", 1.0),
+    "per_m": ("1/m", 1.0),
     "N": ("N", 1.0),
     "m": ("mm", 1e3),
+    "Nm": ("mN·m", 1e3),
     "rad": ("rad", 1.0),
-    "per_N": ("1/N", 1.0),
-    "per_m": ("N/m", 1.0),
 }
+"""Of names that end so, the longest ending first, and the factor from SI."""
+_TENSION_OUT = "tension_out_N"
 _TIMES = ((7200.0, "h", 3600.0), (300.0, "min", 60.0))
 
 
-def followed_figure(run: FollowedRun, tension_out: Vector | None) -> Figure:
-    """Draw what was followed in a run; `tension_out` is [n] as it was read [N], where it was."""
+def followed_figure(run: FollowedRun, read: Vector | None, channel: str = _TENSION_OUT) -> Figure:
+    """Draw what was followed in a run, and a channel, [n] as it was `read` in the unit of its name."""
     keys = run.keys
     unit, per = _unit_of_time(run)
     with figure((PAGE, _HEIGHT * (len(keys) + 1) + 0.3)) as drawing:
@@ -41,7 +46,7 @@ def followed_figure(run: FollowedRun, tension_out: Vector | None) -> Figure:
             axes.tick_params(labelbottom=axes is rows[-2])
         rows[-2].set_xlabel(f"time [{unit}]")
         _name_alerts(rows[0], run, per)
-        draw_followed_tension(rows[-1], run, tension_out)
+        _draw_channel(rows[-1], run, channel, read)
         drawing.legend(*_named_once(rows[0], rows[-1]), loc="outside lower center", ncols=4)
         drawing.align_ylabels(rows.tolist())
     return drawing
@@ -87,19 +92,28 @@ def draw_number(axes: Axes, run: FollowedRun, key: str) -> Axes:
 
 def draw_followed_tension(axes: Axes, run: FollowedRun, read: Vector | None = None) -> Axes:
     """Draw the distal tension about the first alert, or at the end, with its band and what was read [N]."""
+    return _draw_channel(axes, run, _TENSION_OUT, read)
+
+
+def _draw_channel(axes: Axes, run: FollowedRun, channel: str, read: Vector | None) -> Axes:
+    """Draw a channel about the first alert, or at the end, with its band and what was read."""
+    of = quantity(channel)
+    every, errors = (
+        run.channels[channel].T if channel in run.channels else (run.ends[:, 1], run.ends_se[:, 1])
+    )
     middle = run.alerts[0].since if run.alerts else run.time[-1] - _AFTER
     window = (run.time >= middle - _BEFORE) & (run.time <= middle + _AFTER)
-    time, value = run.time[window], run.ends[window, 1]
-    bound = NORMAL_95 * run.ends_se[window, 1]
+    time, value = run.time[window], of.factor * every[window]
+    bound = NORMAL_95 * of.factor * errors[window]
     axes.fill_between(time, value - bound, value + bound, color=_BAND, linewidth=0, label="95 % band")
     axes.plot(time, value, color=SKY, linewidth=1.2, label="filtered")
     if read is not None:
-        measured(axes, time, read[window])
+        measured(axes, time, of.factor * read[window])
     for alert in run.alerts:
         if len(time) and time[0] <= alert.since <= time[-1]:
             axes.axvline(alert.since, color=ORANGE, linewidth=1.0)
     axes.margins(x=0.0)
-    axes.set_ylabel("T_out\n[N]")
+    axes.set_ylabel(f"{of.symbol}\n[{of.unit}]")
     axes.set_xlabel("time [s], about the first alert" if run.alerts else "time [s], the end of the run")
     return axes
 

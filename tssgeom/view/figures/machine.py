@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from textwrap import wrap
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -31,14 +32,19 @@ _HEIGHT = 1.9
 """Of the two rows of one channel [inch]."""
 _ROW = 1.2
 """Of one kind of channel of a run [inch]."""
-_NUMBER = re.compile(r"_\d+(?=_)")
+_NUMBER, _OF_TENDON = re.compile(r"_\d+(?=_)"), re.compile(r" of tendon \d+$")
+_MANY = 5  # tendons: their names fill two columns beside a row
+_LETTERS = 14
+"""Letters in a line beside a row; chosen: a ninth of the width has so many."""
 
 
-def computed_figure(name: str, channels: Mapping[str, Vector], readings: Mapping[str, Vector]) -> Figure:
+def computed_figure(
+    name: str, channels: Mapping[str, Vector], readings: Mapping[str, Vector], given: str = "of the run"
+) -> Figure:
     """Draw what a machine does over time: a row for each kind of channel, with the readings of a run.
 
-    `channels` has `time_s` and what is computed, `readings` what was measured then, all [n] in the
-    unit of their names.
+    `channels` has `time_s` and what is computed, `readings` what was measured or wanted then, all [n] in the
+    unit of their names; `given` names them.
     """
     time = channels["time_s"]
     rows = dict[str, list[str]]()
@@ -48,7 +54,7 @@ def computed_figure(name: str, channels: Mapping[str, Vector], readings: Mapping
     with figure((PAGE, _ROW * len(rows) + 0.5)) as drawing:
         every = drawing.subplots(len(rows), 1, sharex=True, squeeze=False)[:, 0]
         for axes, each in zip(every, rows.values(), strict=True):
-            _draw_computed(axes, time, {name: channels[name] for name in each}, readings)
+            _draw_computed(axes, time, {name: channels[name] for name in each}, readings, given)
         every[0].set_title(name)
         every[-1].set_xlabel(TIME.title)
         drawing.align_ylabels(every)
@@ -56,19 +62,25 @@ def computed_figure(name: str, channels: Mapping[str, Vector], readings: Mapping
 
 
 def _draw_computed(
-    axes: Axes, time: Vector, channels: Mapping[str, Vector], readings: Mapping[str, Vector]
+    axes: Axes, time: Vector, channels: Mapping[str, Vector], readings: Mapping[str, Vector], given: str
 ) -> None:
     """Draw channels of one kind, such as the tensions of all tendons, and their readings as circles."""
     several, read = len(channels) > 1, [name for name in channels if name in readings]
     for k, (name, values) in enumerate(channels.items()):
         of, colour = quantity(name), colours.TENDONS[k % len(colours.TENDONS)]
         if name in read:
-            label = "_" if name != read[0] else "of the run"  # measured, or a target
+            label = "_" if name != read[0] else given
             measured(axes, time, of.factor * readings[name], label=label)
         axes.plot(time, of.factor * values, color=colour, linewidth=1.2, label=of.symbol)
         axes.set_ylabel(f"{of.symbol.partition(',')[0]} [{of.unit}]" if several else of.label)
-    if several or read:
-        axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
+    words = _OF_TENDON.sub("", quantity(next(iter(channels))).words)
+    heading, ncols = "\n".join(wrap(words, _LETTERS)), 1 if len(channels) < _MANY else 2
+    legend = axes.legend(
+        loc="upper left", bbox_to_anchor=(1.0, 1.1), title=heading, ncols=ncols, alignment="left"
+    )
+    if not several and not read:  # its axis names the one line
+        for each in (*legend.get_lines(), *legend.get_texts()):
+            each.set_visible(False)
 
 
 def run_figure(fitted: MachineCalibration, which: int) -> Figure:
@@ -96,7 +108,7 @@ def draw_fit(axes: Axes, fitted: MachineCalibration, which: int, name: str) -> A
     measured(axes, run.given["time_s"], of.factor * run.measured[name])
     model = of.factor * fitted.fitted[which][name]
     axes.plot(run.given["time_s"], model, color=BLUE, linewidth=1.0, label="fitted")
-    titles(axes, f"{run.name}: readings and fit", TIME.title, of.label)
+    titles(axes, f"{run.name}: readings and fit", TIME.title, f"{of.words}\n{of.label}")
     return axes
 
 

@@ -41,7 +41,7 @@ def remedy_figure(tried: Sequence[Tried], tolerance: float | None, percentile: f
         out.plot(beta, [each.price.tension_out for each in tried], color=GREEN)
         own.plot(beta, [1e3 * each.price.own_elongation for each in tried], color=GREEN)
         gain.legend(loc="upper right", borderaxespad=0.0, bbox_to_anchor=(1.0, 0.9))
-        titles(gain, "(a) What unknown bends change", _ACROSS, f"|Δδ|, percentile {percentile:g} [mm]")
+        titles(gain, "(a) Effect of unknown bends", _ACROSS, f"|Δδ|, percentile {percentile:g} [mm]")
         titles(out, "(b) Price: distal tension", _ACROSS, "T_out at the end of the pull [N]")
         titles(own, "(c) Price: own elongation", _ACROSS, "δ of the added curve [mm]")
         for axes in (gain, out, own):
