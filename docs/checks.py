@@ -20,8 +20,8 @@ rule that warns adds a line, and the work goes on. Each message ends with the na
 The same rules hold in every command: those on a run in `check`, `calibrate`, `discover`, `simulate` and
 `compensate`, those on a frame wherever frames are read (`analyse`, `batch`, `live`), those on a command in
 `compensate` and for targets in `live`, where the frame is rejected. `check` has no rig and no route, and
-applies what needs neither. Points of a shape have rules of their own: [formats.md](formats.md#errors-and-
-warnings).
+applies what needs neither. Points of a shape have rules of their own:
+[formats.md](formats.md#errors-and-warnings).
 
 `python docs/checks.py` writes this page from `tssgeom/plausibility/rules.py`; the limits, with their
 origin, are in `tssgeom/plausibility/limits.py`.

@@ -46,6 +46,7 @@ myst_enable_extensions = ["colon_fence", "deflist"]
 myst_heading_anchors = 4
 
 autodoc_member_order = "bysource"
+toc_object_entries_show_parents = "hide"
 autodoc_typehints = "none"  # numpy-style docstrings state it in words
 autodoc_default_options = {"members": True}
 autodoc_class_signature = "mixed"

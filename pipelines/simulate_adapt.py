@@ -75,7 +75,7 @@ def simulate_adapt(
         write_followed(out / RUN, followed)
         write_numbers(out / NUMBERS, followed)
         write_alerts(out / ALERTS, followed)
-        draw = partial(followed_figure, followed, *_drawn_channel(run, channel, followed))
+        draw = partial(followed_figure, followed, *_channel_beside_drive(run, channel, followed))
         files = write_figure(draw, out, FIGURE)
         files = [(out / name).as_posix() for name in (RUN, NUMBERS, ALERTS, REPORT, *files)]
         if figures is not None:
@@ -100,7 +100,7 @@ def simulate_adapt(
         return 1 if sensed.rejected else 0
 
 
-def _drawn_channel(run: MeasuredRun, drive: str, followed: FollowedRun) -> tuple[Vector | None, str]:
+def _channel_beside_drive(run: MeasuredRun, drive: str, followed: FollowedRun) -> tuple[Vector | None, str]:
     """Return what was read of the channel that the figure has, and its name; of a machine it is no drive."""
     kind = drive.split("_")[:2]
     beside = [name for name in followed.channels if name in run.columns and name.split("_")[:2] != kind]

@@ -23,7 +23,7 @@ figure, (scale, cost) = plt.subplots(1, 2, figsize=(8, 3.0))
 scale.plot(turns, np.exp(-friction * 2 * np.pi * turns))
 scale.set(xlabel="turns of the added loop [1]", ylabel="scaling factor S [1]", ylim=(0, 1))
 cost.plot(turns, pulls)
-cost.set(
+_ = cost.set(
     xlabel="turns of the added loop [1]",
     ylabel=r"$T_\mathrm{in}$ for $T_\mathrm{out}$ = 5 N [N]",
     ylim=(0, None),

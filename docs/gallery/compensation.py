@@ -22,6 +22,7 @@ without = simulate(SHAPE, {"time_s": time, "displacement_in_m": target})
 figure, (drive, load) = plt.subplots(1, 2, figsize=(8, 3.4), layout="constrained")
 commands.plot(drive, "drive")
 drive.plot(time, 1e3 * target, "k:", label="target as the drive")
+drive.set(title="What the drive does", ylim=(0, 13))
 drive.legend(loc="upper right")
 commands.plot(load)
 reached = [moment.transmission.displacement_out for moment in without]

@@ -19,3 +19,5 @@ figure, (bends, forces) = plt.subplots(2, 1, figsize=(7, 4.6), sharex=True, layo
 result.plot(bends, "angle")
 result.plot(forces, "tension")
 bends.set_xlabel("")
+forces.set_ylim(0, 21)
+forces.legend(loc="upper right", ncols=2)

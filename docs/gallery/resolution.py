@@ -22,6 +22,7 @@ for name, points in (("exact route", exact), ("route that winds by 0.4 mm", exac
     fit = analyse(points + np.random.default_rng(0).normal(0, 2e-5, points.shape)).fit
     plt.semilogx(1e3 * length, np.degrees(angle_over_resolution(fit, length)), label=name)
 plt.axhline(180, color="black", linestyle=":", label="true angle")
+plt.xticks([5, 10, 20, 50, 100, 200], ["5", "10", "20", "50", "100", "200"])
 plt.xlabel("shortest wave that counts [mm]")
 plt.ylabel("curve angle Φ [°]")
 plt.legend()

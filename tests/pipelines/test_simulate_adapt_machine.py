@@ -45,9 +45,9 @@ def test_the_run_of_a_machine_is_followed_and_written(tmp_path, capsys):
     assert table.schema.field("tension_in_1_se_N").metadata[b"unit"] == b"N"
     numbers = papq.read_table(tmp_path / "out/adapt_numbers.parquet")
     assert numbers.schema.field("sensors.motor_torque_Nm.zero_smoothed").metadata[b"unit"] == b"N\xc2\xb7m"
-    drawn = (tmp_path / "out/adapt.svg").read_text("utf-8")  # a reading that is followed, not tendon 1
-    assert "measured" in drawn
-    assert drawn.count(r"\mathregular{τ_{m}}") == 2  # its zero, and the channel
+    picture = (tmp_path / "out/adapt.svg").read_text("utf-8")  # a reading that is followed, not tendon 1
+    assert "measured" in picture
+    assert picture.count(r"\mathregular{τ_{m}}") == 2  # its zero, and the channel
     now = read_rig(written)
     assert now.friction.coefficient == pytest.approx(last["value"])
     assert now.sensors["motor_torque_Nm"].zero == pytest.approx(report["numbers"][1]["end"]["value"])
