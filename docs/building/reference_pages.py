@@ -30,6 +30,15 @@ def as_pages(app: Sphinx, what: str, name: str, value: Any, options: Any, lines:
         lines[:0] = ["..", ""]  # a comment: napoleon takes what is before a colon in a first line for a type
 
 
+def shortened(
+    app: Sphinx, what: str, name: str, value: Any, options: Any, signature: str | None, returned: str | None
+) -> tuple[str | None, str | None]:
+    """Write a default that is a whole table of its own by its name alone."""
+    if signature is not None:
+        signature = re.sub(r"=(\w+)\((?:[^()]|\((?:[^()]|\(\))*\))+\)", r"=\1(...)", signature)
+    return signature, returned
+
+
 def _linked(match: re.Match[str]) -> str:
     page = reference.FOLDER.parent / f"{match[1]}.md"
     return f":doc:`{match[1]}.md </{match[1]}>`" if page.exists() else match[0]
@@ -39,4 +48,5 @@ def setup(app: Sphinx) -> dict[str, Any]:
     """Add the pages to Sphinx."""
     app.connect("builder-inited", write)
     app.connect("autodoc-process-docstring", as_pages, priority=400)  # before napoleon's, 500
+    app.connect("autodoc-process-signature", shortened)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -57,8 +57,7 @@ plt.xlabel("time [s]")
 plt.ylabel("coefficient of friction [1]")
 plt.legend(loc="upper center")
 
-# %%
-# A band says how well the filter knows friction that drifts as the rig states (``hourly_change``).
+# the band is that of friction that drifts as the rig states
 held = np.abs(value - truth) <= band
 print(f"the band holds the true value in {held[time < 60].mean():.0%} of the frames of the first minute,")
 print(f"and in {held[time >= 60].mean():.0%} of those of the second")
