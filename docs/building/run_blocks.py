@@ -60,7 +60,8 @@ class Run(SphinxDirective):
             return []
         out = [_literal(code, language)]
         if printed.strip():
-            out.append(_literal(_first(printed, self.options.get("lines", 0)), "text", "output"))
+            text = _first(printed, self.options.get("lines", 0))
+            out.append(_literal(text, "text", "output", *_width(text)))
         if "picture" in self.options:
             name, _, alt = self.options["picture"].partition(" ")
             pictures.append((folder / name, alt))
@@ -133,6 +134,15 @@ def _first(text: str, lines: int) -> str:
     """Return the first lines of an output, all where `lines` is 0."""
     rows = text.rstrip().splitlines()
     return "\n".join([*rows[:lines], "…"] if 0 < lines < len(rows) else rows)
+
+
+def _width(text: str) -> list[str]:
+    """Return the class of a printed table by its letters, for which site.css has sizes."""
+    letters = max((len(line.rstrip()) for line in text.splitlines() if _RULE in line), default=0)
+    return [name for name, least in _WIDE.items() if letters > least][-1:]
+
+
+_RULE, _WIDE = "───", {"wide": 80, "widest": 108}
 
 
 def _literal(text: str, language: str, *classes: str) -> nodes.Node:

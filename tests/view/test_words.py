@@ -1,3 +1,6 @@
+import math
+
+import msgspec
 import numpy as np
 
 from tssgeom.engine import process
@@ -46,6 +49,25 @@ def test_summary_says_length_angle_tensions_elongation_and_warnings(still: list[
         *still[0].warnings,
     ):
         assert part in text
+
+
+def test_summary_of_a_machine_names_its_tendon_and_what_else_is_read() -> None:
+    text = """
+    tendon.pretension_N = 6.0
+    drive = { kind = "pair", radius_m = 0.01 }
+    end = { kind = "joint", radius_m = 0.008, stiffness_Nm_per_rad = 0.2 }
+    """
+    turn = np.linspace(0.0, 3.0, 40)
+    points = 0.1 * np.column_stack((np.sin(turn), 1.0 - np.cos(turn), 0.0 * turn))
+    frame = Frame(points, 1.0, of_machine={"motor_angle_rad": 0.2})
+    (result,) = process([frame], msgspec.toml.decode(text, type=Rig), tension_in=6.0)
+    assert isinstance(result, FrameResult)
+    assert result.machine is not None
+    words = summary("pair", result, timed=True)
+    assert "This is tendon 1 of the machine" in words
+    assert f"θ_m = {math.degrees(0.2):.1f} °" in words
+    assert f"T_in,2 = {result.machine.channels['tension_in_2_N']:.1f} N" in words
+    assert "T_in,1" not in words
 
 
 def test_summary_states_how_far_the_dead_zone_still_reaches(moving: list[FrameResult]) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 
 from tssgeom.route.pieces import Arcs
 from tssgeom.stream import FrameResult
+from tssgeom.view.quantities import CHANNELS, quantity
 from tssgeom.view.samples import RouteSamples
 
 _STRAIGHT_RADIUS = 100.0
@@ -118,7 +119,24 @@ def _tension_words(result: FrameResult) -> str:
         f"**T_out = {with_error(ends.tension_out, ends.tension_out_se, 2)} N**{share} and the tendon is "
         f"stretched by **δ = {with_error(1e3 * ends.elongation, 1e3 * ends.elongation_se, 3)} mm**. "
         + _dead_zone_words(result)
+        + _machine_words(result)
     )
+
+
+def _machine_words(result: FrameResult) -> str:
+    """State that pictures show tendon 1 of a machine, and what its other channels read."""
+    if result.machine is None:
+        return ""
+    others = {
+        name: value
+        for name, value in result.machine.channels.items()
+        if name not in CHANNELS and "_1_" not in name
+    }
+    read = [
+        f"{of.symbol} = {of.factor * value:.1f} {of.unit}"
+        for of, value in ((quantity(name), value) for name, value in others.items())
+    ]
+    return f" This is tendon 1 of the machine; its other channels: {', '.join(read)}."
 
 
 def _dead_zone_words(result: FrameResult) -> str:
