@@ -8,7 +8,6 @@ import numpy as np
 
 from tssgeom.route.pieces import Arcs
 from tssgeom.stream import FrameResult
-from tssgeom.view.quantities import CHANNELS, quantity
 from tssgeom.view.samples import RouteSamples
 
 _STRAIGHT_RADIUS = 100.0
@@ -127,6 +126,8 @@ def _machine_words(result: FrameResult) -> str:
     """State that pictures show tendon 1 of a machine, and what its other channels read."""
     if result.machine is None:
         return ""
+    from tssgeom.view.quantities import CHANNELS, quantity  # imports Matplotlib, for its colours
+
     others = {
         name: value
         for name, value in result.machine.channels.items()
