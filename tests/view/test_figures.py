@@ -9,14 +9,14 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
-from matplotlib.text import Text
+from matplotlib.text import Annotation, Text
 
 from tests.view.conftest import analysed, arc
 from tests.view.layout import faults
 from tests.worked_finding import worked_finding
 from tssgeom.stream import Frame, FrameResult
 from tssgeom.view.figures.paper import paper_figures
-from tssgeom.view.figures.plots import COLUMN, SMALLEST, VECTOR, figure, markup, save
+from tssgeom.view.figures.plots import COLUMN, INK, SMALLEST, VECTOR, figure, markup, save
 from tssgeom.view.figures.restyle import subscripts
 from tssgeom.view.figures.shapes import figures_of, route_figure, time_figure, transmission_figure
 from tssgeom.view.figures.style import StyleName, choose, for_print
@@ -96,6 +96,16 @@ def test_every_style_keeps_texts_apart_and_legible(figures, style: StyleName):
             assert max(drawing.get_facecolor()[:3]) < 0.15, name
             labels = [label for axes in drawing.axes for label in (axes.xaxis.label, axes.yaxis.label)]
             assert min(max(to_rgb(label.get_color())) for label in labels) > 0.5, name
+
+
+def test_the_arrow_of_a_note_is_seen_on_a_dark_ground():
+    choose("dark")
+    with for_print(), figure((COLUMN, COLUMN)) as drawing:
+        bracket = {"arrowstyle": "|-|", "color": INK}
+        drawing.subplots().annotate("", (0.0, 0.0), (0.0, 1.0), arrowprops=bracket)
+    choose("light")
+    (arrow,) = (one.arrow_patch for one in drawing.findobj(Annotation))
+    assert max(arrow.get_edgecolor()[:3]) > 0.5
 
 
 def test_a_symbol_has_its_subscript_and_a_name_of_a_run_none():

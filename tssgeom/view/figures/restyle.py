@@ -62,8 +62,9 @@ def _recolour(artist: Artist) -> None:
     if isinstance(artist, Text):
         if artist.get_gid() != FIXED:
             artist.set_color(_dark(artist.get_color()))
-        if (box := artist.get_bbox_patch()) is not None:
-            _recolour(box)
+        for patch in (artist.get_bbox_patch(), getattr(artist, "arrow_patch", None)):
+            if patch is not None:
+                _recolour(patch)
     elif isinstance(artist, Line2D):
         artist.set_markerfacecolor(_dark(artist.get_markerfacecolor()))
         artist.set_markeredgecolor(_dark(artist.get_markeredgecolor()))
