@@ -20,6 +20,7 @@ from tssgeom.view.figures.plots import (
     SMALLEST,
     SOFT,
     figure,
+    legend_below,
     titles,
 )
 from tssgeom.view.figures.restyle import subscripts
@@ -94,13 +95,13 @@ def along_figure(finding: Finding) -> Figure:
                 label=None if k else "detected bend",
             )
         axes.axhline(0.0, color=SOFT, linewidth=0.8)
-        axes.legend(loc="upper right", ncols=2)
         titles(
             axes,
             "Curve angle that is missing, before (± 2 s.e.)",
             "arc length s [mm]",
             "missing angle [rad/m]",
         )
+        legend_below(drawing, axes)
     return drawing
 
 
