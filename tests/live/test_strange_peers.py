@@ -4,7 +4,7 @@ import json
 import selectors
 import socket
 import time
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 
 import pyigtl
@@ -143,11 +143,11 @@ def test_a_sink_of_datagrams_listens_on_no_interface_but_its_own():
                 reader.settimeout(PATIENCE)
                 while json.loads(reader.recv(1 << 16)).get("id") != "sent":  # a busy machine is late
                     pass
-            inodes = {
-                link.readlink().name.removeprefix("socket:[").rstrip("]")
-                for link in Path(f"/proc/{stream.process.pid}/fd").iterdir()
-                if "socket" in str(link.readlink())
-            }
+            names = list[str]()
+            for link in Path(f"/proc/{stream.process.pid}/fd").iterdir():
+                with suppress(FileNotFoundError):  # closed meanwhile
+                    names.append(link.readlink().name)
+            inodes = {name.removeprefix("socket:[").rstrip("]") for name in names if "socket" in name}
             rows = [row.split() for row in Path("/proc/net/udp").read_text().splitlines()[1:]]
             bound = [row[1].partition(":")[0] for row in rows if row[9] in inodes]
             assert bound

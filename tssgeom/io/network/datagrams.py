@@ -28,9 +28,9 @@ class DatagramLimits:
     buffer_bytes: int = 1 << 22
     """Size of the system's buffer for datagrams [bytes]; chosen: 64 of the largest. One sender has a quarter:
     as many as its mailbox keeps."""
-    reading_ns: int = 500_000
-    """Time after which a socket is left for others while datagrams still wait there [ns]; derived: a tenth of
-    the 5 ms in which frames are to be answered, and enough for some 50 datagrams."""
+    reading_ns: int = 250_000
+    """Time after which a socket is left for others while datagrams still wait there [ns]; derived: a
+    twentieth of the 5 ms in which frames are to be answered, and enough for some 25 datagrams."""
     senders: int = 64
     """Senders whose clocks are kept; chosen."""
 
@@ -45,7 +45,7 @@ class _Socket:
 
     sock: socket.socket
     of: Sender
-    """The sender that it receives from; for the common one, any that is new."""
+    """The sender that it receives from; of the common one, the newest."""
     lost: int = 0
 
 
@@ -157,6 +157,7 @@ class UdpSource(Source):
             # a program that sends each frame from another port
             peer.sender.track, before.sender.track = before.sender.track, Track()
         self._peers[address] = self._newest = peer
+        self._common.of = peer.sender
         return peer
 
     def _connected(self, address: tuple, sender: Sender) -> _Socket:

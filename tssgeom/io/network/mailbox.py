@@ -209,9 +209,9 @@ class Mailbox:
             sender.used = max(sender.used, self._used) + time
 
     def is_behind(self, sender: Sender) -> bool:
-        """Whether a frame waits of another sender that has taken less time: this one need not be read yet."""
+        """Whether a frame waits of another sender that has not taken more time: this one is not read yet."""
         share = self._share(sender)
-        return any(self._share(one) < share for one in self._senders if not one.busy)
+        return any(self._share(one) <= share for one in self._senders if one is not sender and not one.busy)
 
     def _share(self, sender: Sender) -> float:
         return self._used_by_new if sender.is_new else sender.used
