@@ -22,10 +22,10 @@ class RestLimits:
     share: float = 0.8
     """Most that a thread takes of a core [1]; measured: with 0.9 and another program of real time on the same
     core, three of ten floods left a good sender 27 to 77 % of its answers, with 0.8 none."""
-    every: float = 2e-3
+    every: float = 4e-3
     """Time after which that is judged [s]; derived: with `share`, rests are as short as `pause`."""
-    pause: float = 5e-4
-    """Length of a rest [s]; derived: a tenth of the 5 ms in which frames are to be answered."""
+    pause: float = 1e-3
+    """Length of a rest [s]; derived: a fifth of the 5 ms in which frames are to be answered."""
 
 
 _RESTS = RestLimits()
