@@ -98,7 +98,7 @@ def test_every_style_keeps_texts_apart_and_legible(figures, style: StyleName):
             assert min(max(to_rgb(label.get_color())) for label in labels) > 0.5, name
 
 
-def test_the_arrow_of_a_note_is_seen_on_a_dark_ground():
+def test_the_arrow_of_a_note_is_bright_on_a_dark_ground():
     choose("dark")
     with for_print(), figure((COLUMN, COLUMN)) as drawing:
         bracket = {"arrowstyle": "|-|", "color": INK}
