@@ -51,7 +51,7 @@ int64_t tss_outlying_points(
     return count;
 }
 
-/* Whether points without weight are as far off as if they were noise, or a bend, so that they may be used again. */
+/* Whether a point without weight is no outlier any more, so that the weights no longer hold. */
 static int64_t may_return(int64_t n, const double weight[], const uint8_t outlier[]) {
     for (int64_t i = 0; i < n; i++)
         if (weight[i] <= 0.0 && !outlier[i]) return 1;

@@ -10,7 +10,7 @@ from tssgeom.arrays import Matrix, Vector
 from tssgeom.plausibility.kinds import Remark
 from tssgeom.plausibility.limits import LIMITS
 from tssgeom.plausibility.rules import remark
-from tssgeom.plausibility.series import Series, filled
+from tssgeom.plausibility.series import Series, correlation, filled
 
 _MOTOR, _JOINT, _TORQUE, _LOAD = "motor_angle_rad", "joint_angle_rad", "motor_torque_Nm", "joint_torque_Nm"
 _DRIVES = (_MOTOR, "displacement_in_m", "displacement_in_1_m")
@@ -121,14 +121,3 @@ def _partial(one: Vector, other: Vector, beside: Sequence[Vector]) -> float:
     basis = np.column_stack((np.ones(len(one)), *beside))
     left = [values - basis @ np.linalg.lstsq(basis, values, rcond=None)[0] for values in (one, other)]
     return correlation(*left)
-
-
-def correlation(one: Vector, other: Vector) -> float:
-    """Return the correlation of two columns; 0 where too few rows have both."""
-    there = np.isfinite(one) & np.isfinite(other)
-    a, b = one[there], other[there]
-    if len(a) < LIMITS.repeated_rows:
-        return 0.0
-    a, b = a - a.mean(), b - b.mean()
-    size = float(np.sqrt((a @ a) * (b @ b)))
-    return float(a @ b) / size if size > 0.0 else 0.0

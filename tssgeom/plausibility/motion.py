@@ -10,9 +10,9 @@ from tssgeom.arrays import Vector
 from tssgeom.core.constants import CHANCE
 from tssgeom.plausibility.kinds import Remark
 from tssgeom.plausibility.limits import LIMITS
-from tssgeom.plausibility.machines import correlation, direction_remarks, load_sign_remarks, sign_remarks
+from tssgeom.plausibility.machines import direction_remarks, load_sign_remarks, sign_remarks
 from tssgeom.plausibility.rules import remark
-from tssgeom.plausibility.series import DRIVES, Series, filled
+from tssgeom.plausibility.series import DRIVES, Series, correlation, filled
 from tssgeom.plausibility.values import DISPLACEMENTS, apparent_friction
 
 _LINE = 0.12  # of a leg: the line by which a channel rises before it turns [1]; chosen for the noise

@@ -145,3 +145,14 @@ def _noise(values: Vector) -> float:
     there = values[np.isfinite(values)]
     first = max(0, (len(there) - SIZES.noisy_rows) // 2)
     return reading_noise(there[first : first + SIZES.noisy_rows])
+
+
+def correlation(one: Vector, other: Vector) -> float:
+    """Return the correlation of two columns; 0 where too few rows have both."""
+    there = np.isfinite(one) & np.isfinite(other)
+    a, b = one[there], other[there]
+    if len(a) < LIMITS.repeated_rows:
+        return 0.0
+    a, b = a - a.mean(), b - b.mean()
+    size = float(np.sqrt((a @ a) * (b @ b)))
+    return float(a @ b) / size if size > 0.0 else 0.0

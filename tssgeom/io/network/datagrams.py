@@ -87,7 +87,6 @@ class UdpSource(Source):
         self._mailbox, self._allowed, self._unit = mailbox, allowed, unit
         self._selector = selector
         self._peers = dict[tuple, _Peer]()
-        self._newest: _Peer | None = None
         self._common = self._watched(sock, Sender(), DATAGRAMS.buffer_bytes)
 
     def close(self) -> None:
@@ -152,11 +151,10 @@ class UdpSource(Source):
             gone = self._peers.pop(silent)
             self._forget(gone)
             self._mailbox.forget(gone.sender)
-        before, peer = self._newest, _Peer()
-        if before is not None and before.sender.arrived == 1 and not before.sender.pending:
-            # a program that sends each frame from another port
-            peer.sender.track, before.sender.track = before.sender.track, Track()
-        self._peers[address] = self._newest = peer
+        before, peer = self._common.of, _Peer()
+        if before.arrived == 1 and not before.pending:  # a program that sends each frame from another port
+            peer.sender.track, before.track = before.track, Track()
+        self._peers[address] = peer
         self._common.of = peer.sender
         return peer
 

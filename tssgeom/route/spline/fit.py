@@ -191,11 +191,7 @@ def _angle_in_cells(shape: Shape, cell: float) -> float:
 
 
 def warm(
-    shape: Shape,
-    noise: float | None,
-    last: Spline | None,
-    growth: float = 1.0,
-    index: Vector | None = None,
+    shape: Shape, noise: float | None, last: Spline | None, growth: float = 1.0, index: Vector | None = None
 ) -> Spline | None:
     """Fit the same route a moment after the last fit in one pass; None where that no longer holds.
 
