@@ -19,6 +19,7 @@ from tssgeom.route.model_average import (
 from tssgeom.route.model_choice import mixture_variance
 from tssgeom.route.observations import clean
 from tssgeom.route.spline.fit import fit
+from tssgeom.route.steps import at_once
 from tssgeom.route.synthetic import Course, chain, positions
 from tssgeom.route.tracking import follow
 
@@ -81,7 +82,7 @@ def test_straight_pieces_between_bends_cost_a_joint_each_and_fit_no_worse(tried)
     begin, end = arcs.joints[0], arcs.stations.max()
     form = np.vstack((arcs.form[:4], [begin, 6.0, 0.0], [0.5 * (begin + end), -6.0, 0.0]))
     two = fit_fixed_pieces(data, arcs._replace(form=form, curved=np.ones(2, dtype=np.bool_)))
-    ((_, more),) = with_straights([(data, two)])
+    ((_, more),) = at_once(with_straights([(data, two)]))
     assert not more.curved.all()
     assert more.curved.sum() == 2
     assert more.cost < two.cost
@@ -90,7 +91,7 @@ def test_straight_pieces_between_bends_cost_a_joint_each_and_fit_no_worse(tried)
 def test_the_added_variance_is_that_of_the_mixture_about_the_selected_model(tried):
     smooth, data, arcs = tried
     angle, length = added_by_models(smooth, smooth, [(data, arcs)])
-    every = [(data, arcs), *with_straights([(data, arcs)])]
+    every = [(data, arcs), *at_once(with_straights([(data, arcs)]))]
     models = [chain_model(points, chain, smooth.spline) for points, chain in every]
     mean = np.array([smooth.arcs.total_angle, *(one.angle for one in models)])
     own = np.array([smooth.arcs.total_angle_se**2, *(one.angle_variance for one in models)])

@@ -9,7 +9,10 @@ import pytest
 
 from tests.known_routes import arc_positions, truth
 from tests.live_process import ROUTES, points_mm
+from tssgeom import core
+from tssgeom.route.arcs.chain import work_of_evaluation
 from tssgeom.route.geometry import measure
+from tssgeom.route.model_check import SCHEDULE
 from tssgeom.route.observations import clean
 from tssgeom.route.synthetic import Course, chain
 from tssgeom.route.tracking import follow, model_checked
@@ -254,3 +257,25 @@ def test_a_route_that_leaps_is_fitted_as_if_from_nothing():
             # exact points leave rounding; where a chain has a piece more it is off by its error at most
             off = abs(result.total_angle - course.total_angle)
             assert off < max(4 * result.total_angle_se, 2 * abs(fresh.total_angle - course.total_angle), 1e-5)
+
+
+@pytest.mark.parametrize("route", ROUTES)
+def test_the_other_estimator_is_tried_in_small_steps(monkeypatch, route):
+    """The last step tried straight pieces and dropped what no point shows, 12 ms after one frame."""
+    n, work, most, last, fit_pieces = 200, [0.0], 0.0, None, core.fit_pieces
+
+    def counted(count, *arguments):
+        fitted = fit_pieces(count, *arguments)
+        work[0] += fitted[1] * work_of_evaluation(n, count)
+        return fitted
+
+    monkeypatch.setattr(core, "fit_pieces", counted)
+    trials = set[object]()
+    for i in range(80):
+        last = follow(clean(1e-3 * points_mm(n, 0.01 * i, i, route=route)), None, last)
+        joints, work[0] = last.fit.chain is not None and last.age < last.interval, 0.0
+        trials.add(last.age)
+        last = model_checked(last)
+        most = most if joints else max(most, work[0])
+    assert 0.0 < most < 10.0 * SCHEDULE.work  # one fit of a candidate; it was 48 times that
+    assert max(trials) < 80  # it was tried, and counts anew

@@ -8,7 +8,7 @@ the bends, which fit as well where noise hides them, and over what curvature may
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Generator, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -17,8 +17,9 @@ import numpy as np
 
 from tssgeom.arrays import Vector
 from tssgeom.errors import FitError
-from tssgeom.route.arcs.chain import Chain, Data, fit_fixed_pieces, parameter_count, value_count
-from tssgeom.route.arcs.summary import chain_follows, chain_pieces, identifiable
+from tssgeom.route.arcs.chain import Chain, Data, fit_with_work, parameter_count, value_count
+from tssgeom.route.arcs.moves import work_of_promises
+from tssgeom.route.arcs.summary import chain_follows, chain_pieces, identifiable_in_steps
 from tssgeom.route.model_choice import (
     CHOICE,
     added_variance,
@@ -34,6 +35,7 @@ from tssgeom.route.pieces import Arcs
 from tssgeom.route.resolution import SharedErrors
 from tssgeom.route.route_fit import RouteFit, Turned
 from tssgeom.route.spline.fit import Spline
+from tssgeom.route.steps import at_once
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,16 +87,22 @@ def chain_model(data: Data, chain: Chain, spline: Spline) -> ChainModel:
     )
 
 
-def with_straights(tried: Iterable[tuple[Data, Chain]]) -> Iterator[tuple[Data, Chain]]:
+def with_straights(
+    tried: Iterable[tuple[Data, Chain]],
+) -> Generator[float, None, list[tuple[Data, Chain]]]:
     """Fit chains again with a straight piece wherever a bend meets another one or an end, but not at kinks.
 
     Of a kink and a straight piece that both are shorter than the spacing, no point shows which one turns.
     """
+    fitted = list[tuple[Data, Chain]]()
     for data, chain in tried:
         candidate = _with_straights(chain) if data.shortest >= 1.0 else None
         if candidate is not None and parameter_count(candidate.curved, data.free) < value_count(data):
+            work, candidate = fit_with_work(data, candidate)
+            yield work
             with suppress(FitError):
-                yield data, identifiable(data, fit_fixed_pieces(data, candidate))[0]
+                fitted.append((data, (yield from identifiable_in_steps(data, candidate))[0]))
+    return fitted
 
 
 def _different(tried: Iterable[tuple[Data, Chain]]) -> list[tuple[Data, Chain]]:
@@ -140,11 +148,21 @@ def added_by_models(
     fit: RouteFit, smooth: RouteFit, tried: Sequence[tuple[Data, Chain]]
 ) -> tuple[float, float]:
     """Variances of Φ [rad²] and of the length [m²] beside those of a fit, as above; (217), (238)."""
+    return at_once(added_in_steps(fit, smooth, tried))
+
+
+def added_in_steps(
+    fit: RouteFit, smooth: RouteFit, tried: Sequence[tuple[Data, Chain]]
+) -> Generator[float, None, tuple[float, float]]:
+    """Do as `added_by_models`, with a stop after each fit and each evidence."""
     if smooth.spline is None:
         return 0.0, 0.0
     first = _different(tried)
-    chains = _different((*first, *with_straights(first)))
-    models = [chain_model(*one, smooth.spline) for one in chains if chain_follows(*one)]
+    models = list[ChainModel]()
+    for data, chain in _different((*first, *(yield from with_straights(first)))):
+        if chain_follows(data, chain):
+            models.append(chain_model(data, chain, smooth.spline))
+            yield work_of_promises(data, chain)  # it takes about as long
     models = [one for one in models if math.isfinite(sum(one[:5]))]  # a singular one leaves the others
     probability = probabilities(models)
     smooth_moments = _moments(smooth.arcs)

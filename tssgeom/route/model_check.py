@@ -33,7 +33,7 @@ from tssgeom.route.geometry import (
     spline_fit,
     with_few_points_variance,
 )
-from tssgeom.route.model_average import added_by_models
+from tssgeom.route.model_average import added_in_steps
 from tssgeom.route.model_choice import (
     CHOICE,
     evidence_difference,
@@ -147,8 +147,8 @@ class TrackedFit:
         """Begin a check, where there is one."""
         if check is None:
             return self
-        # beside a chain all is tried at once: the joints of a route that slides are soon wrong
-        work = SCHEDULE.work if check.candidate == "chain" else math.inf
+        # joints are tried at once: those of a route that slides are soon wrong
+        work = math.inf if check.candidate == "joints" else SCHEDULE.work
         return replace(self, run=CheckRun(_steps(check, self), work), frames=0, due=True)
 
 
@@ -241,12 +241,13 @@ def _spline_tried(check: ModelCheck, data: Data, chain: Chain, begun: TrackedFit
     spline = yield from fit_in_steps(check.shape, check.noise, before)
     if before is not None and begun.age == begun.interval:
         return partial(replace, candidate=spline)
-    yield 0
+    yield work_of_promises(data, chain)
     difference = penalised_log_evidence_difference(data, chain, spline)
     smooth = replace(spline_fit(spline), turned=begun.fit.turned)
     arcs = chain_fit(check.shape, data, chain)
     taken = difference < -EVIDENCE_SCALE.very_strong
-    added = added_by_models(smooth if taken else arcs, smooth, [(data, chain)])
+    yield work_of_promises(data, chain)
+    added = yield from added_in_steps(smooth if taken else arcs, smooth, [(data, chain)])
     if taken:
         return partial(_taken_over, TrackedFit(smooth, check.shape.index).with_model_variances(added))
     return partial(_not_taken_over, -difference, spline, added)
@@ -296,7 +297,8 @@ def _chain_tried(check: ModelCheck, begun: TrackedFit) -> Steps:
     arcs = replace(chain_fit(check.shape, data, moved), turned=begun.fit.turned)
     difference = penalised_log_evidence_difference(data, moved, spline)
     taken = difference > EVIDENCE_SCALE.very_strong
-    added = added_by_models(arcs if taken else smooth, smooth, [(data, moved)])
+    yield work_of_promises(data, moved)
+    added = yield from added_in_steps(arcs if taken else smooth, smooth, [(data, moved)])
     if taken:
         begins = TrackedFit(arcs, check.shape.index, candidate=spline)
         return partial(_taken_over, begins.with_model_variances(added))

@@ -6,6 +6,7 @@ A stream needs no more than the pieces of most frames; positions and curvature o
 from __future__ import annotations
 
 import math
+from collections.abc import Generator
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +20,7 @@ from tssgeom.route.curvature import CurvatureProfile
 from tssgeom.route.pieces import Arcs
 from tssgeom.route.route import Route, summed
 from tssgeom.route.route_fit import Nodes, is_off, turns_unobserved
+from tssgeom.route.steps import at_once
 
 _NODES = 161  # beside the joints
 
@@ -70,11 +72,18 @@ def identifiable(
     FitError
         Where nothing is left of a budget, and of the pieces there are such still.
     """
+    return at_once(identifiable_in_steps(data, chain, pieces, budget))
+
+
+def identifiable_in_steps(
+    data: Data, chain: Chain, pieces: ChainPieces | None = None, budget: Budget | None = None
+) -> Generator[float, None, tuple[Chain, ChainPieces]]:
+    """Do as `identifiable`, with a stop after each fit."""
     pieces, budget = pieces or chain_pieces(data, chain), budget or Budget()
     while pieces.unidentifiable >= 0:
         if budget.spent:
             raise FitError("the points do not determine the pieces of a chain of arcs")
-        chain = without_piece(data, chain, pieces.unidentifiable, budget)
+        chain = yield from budget.counted(without_piece(data, chain, pieces.unidentifiable))
         pieces = chain_pieces(data, chain)
     return chain, pieces
 
