@@ -63,7 +63,7 @@ class FitLimits:
     """Frames over which the time between frames is averaged [1]; chosen: one late frame changes nothing."""
     few_points: int = 300
     """Points up to which the stream makes the model check of a frame itself, and up to which first fits have
-    a thread of their own [1]; measured: a check takes up to 7 µs of each point, and 5 ms are the time in
+    a thread of their own [1]; measured: a step of a check then takes 3 ms at most, and 5 ms are the time in
     which others are to be answered."""
 
 
@@ -75,8 +75,10 @@ class _Pace:
     """How fast frames of one sender come, and how long their fits take."""
 
     slowest: float = math.inf
-    """Time of the slowest fit that went on from a last one, fading from frame to frame [s]; not known before
-    the first."""
+    """Time of the slowest fits that went on from a last one, of the quicker of each two in a row, fading from
+    frame to frame [s]; not known before the first."""
+    last: float = math.inf
+    """That of the last one: a single slow one is an accident of the machine."""
     points: int = 0
     """Points of the last frame."""
     interval: float = math.nan
@@ -95,7 +97,7 @@ class _Pace:
     def took(self, time: float) -> None:
         """Take in the processor time of a fit [s]."""
         faded = 0.0 if math.isinf(self.slowest) else _LIMITS.fade * self.slowest
-        self.slowest = max(time, faded)
+        self.slowest, self.last = max(min(time, self.last), faded), time
 
 
 @dataclass(slots=True, eq=False)
@@ -247,7 +249,8 @@ class Fits:
             Thread(target=self._serve, args=(work,), daemon=True).start()
 
     def _give_way(self, rests: Rests) -> None:
-        rests.take()
+        if rests.are_due():
+            rests.take_one()
         if self.awake.locked() and self.awake.acquire(timeout=_LIMITS.gives_way):
             self.awake.release()
 

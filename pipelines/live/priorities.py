@@ -43,14 +43,25 @@ class Rests:
     _wanted: bool = field(default_factory=has_real_time)
     _at: float = field(default_factory=monotonic)
     _used: float = field(default_factory=thread_time)
+    _put_off: bool = False
 
-    def take(self) -> None:
-        """Rest if it is time to."""
+    def are_due(self, *, urgent: bool = False) -> bool:
+        """Whether it is time to rest; something urgent comes first, but only once."""
         if not self._wanted or (passed := monotonic() - self._at) < _RESTS.every:
-            return
-        if thread_time() - self._used > _RESTS.share * passed:
-            sleep(_RESTS.pause)
-        self._at, self._used = monotonic(), thread_time()
+            return False
+        if thread_time() - self._used <= _RESTS.share * passed:
+            self._begin()
+            return False
+        self._put_off = urgent and not self._put_off
+        return not self._put_off
+
+    def take_one(self) -> None:
+        """Leave the core to others for a while."""
+        sleep(_RESTS.pause)
+        self._begin()
+
+    def _begin(self) -> None:
+        self._at, self._used, self._put_off = monotonic(), thread_time(), False
 
 
 def set_niceness(pid: int, niceness: int) -> None:

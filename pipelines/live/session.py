@@ -7,8 +7,9 @@ import math
 import selectors
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from time import monotonic, perf_counter_ns, thread_time
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 from pipelines.live.fits import Fits, LongFit
 from pipelines.live.priorities import Rests
@@ -47,6 +48,7 @@ class LiveLimits:
 
 
 _LIMITS = LiveLimits()
+_Waited = TypeVar("_Waited")
 
 
 class ResultConsumer(Protocol):
@@ -103,6 +105,8 @@ class Session:
     """When the last good frame was answered [s]; before the first one, when the session began."""
     _next_housekeeping: float = 0.0
     _rests: Rests = field(default_factory=Rests)
+    _taken: Sender | None = None
+    """The sender of the last frame that was decoded."""
     _frame_interval: float = math.inf
     """Time between frames, averaged over the last ones [s]."""
 
@@ -115,7 +119,9 @@ class Session:
             self._serve()
             while (fit := self.fits.ended()) is not None:
                 self._finish(fit)
-            if len(self.mailbox):
+            if self._rests.are_due(urgent=self._another_waits):
+                self._leave_interpreter(self._rests.take_one)
+            elif len(self.mailbox):
                 self._take_next()
 
     @property
@@ -123,10 +129,17 @@ class Session:
         waiting = len(self.mailbox) or self.fits.running
         return not waiting and all(source.ended for source in self.sources)
 
+    @property
+    def _another_waits(self) -> bool:
+        """Whether the next frame is of a sender in use that has waited for the last one, of another."""
+        sender = self.mailbox.next_sender
+        return sender is not None and sender is not self._taken and not sender.is_new
+
     def _take_next(self) -> None:
         """Decode the next frame, and answer it or begin its fit."""
         begun = perf_counter_ns()
         arrival = self.mailbox.newest()
+        self._taken = arrival.sender
         if not isinstance(arrival, Arrival):
             self._refuse_all(arrival)
         else:
@@ -296,10 +309,13 @@ class Session:
             while monotonic() < end:
                 if ready := self.selector.select(0.0):
                     return ready
+        return self._leave_interpreter(partial(self.selector.select, timeout))
+
+    def _leave_interpreter(self, wait: Callable[[], _Waited]) -> _Waited:
+        """Wait, and let fits beside the stream go on."""
         self.fits.awake.release()
-        self._rests.take()
         try:
-            return self.selector.select(timeout)
+            return wait()
         finally:
             self.fits.awake.acquire()
 

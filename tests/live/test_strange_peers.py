@@ -7,11 +7,14 @@ import time
 from contextlib import ExitStack, suppress
 from pathlib import Path
 
+import numpy as np
 import pyigtl
+import pytest
 
 from tests.live.peers import frame, half_circle
 from tests.live.test_igtl import transform
 from tests.live_process import PATIENCE, live
+from tssgeom.io.network import mailbox as mailboxes
 from tssgeom.io.network.addresses import Access, Endpoint
 from tssgeom.io.network.channel import Channel
 from tssgeom.io.network.datagrams import UdpSource
@@ -229,3 +232,37 @@ def test_bytes_wait_in_the_system_while_others_come_first():
                 key.data(events)
             assert bool(received) != waits
         channel.close()
+
+
+def test_bad_frames_of_a_flood_are_reported_a_few_at_a_time():
+    """They waited until none came any more: hundreds were reported at once, for up to 80 ms."""
+    mailbox, flood, most, reported = Mailbox(), Sender(), 0, 0
+    for _ in range(300):
+        mailbox.post(flood, lambda: Rejected(0, 0.0, "bad"))
+        mailbox.post(flood, lambda: Rejected(0, 0.0, "bad"))
+        one = mailbox.newest()
+        most, reported = max(most, len(one.rejected)), reported + len(one.rejected)
+    assert most == mailboxes.LIMITS.waiting
+    while len(mailbox):
+        reported += len(mailbox.newest().rejected)
+    assert reported + mailbox.dropped == mailbox.arrived == 600
+
+
+@pytest.mark.parametrize("size", [1, 1000, 50_000])
+def test_messages_that_a_peer_does_not_take_at_once_all_come_in_their_order(size):
+    ours, theirs = socket.socketpair()
+    lost, rng = list[int](), np.random.default_rng(size)
+    messages = [rng.bytes(int(rng.integers(1, 2 * size))) for _ in range(400)]
+    with theirs, selectors.DefaultSelector() as selector:
+        channel = Channel(selector, ours, list, lambda: lost.append(1), 1 << 30)
+        assert all(channel.send(one) for one in messages)
+        wanted, received = b"".join(messages), bytearray()
+        while len(received) < len(wanted):
+            received += theirs.recv(10_007)
+            for key, events in selector.select(0.0):
+                key.data(events)
+        assert received == wanted
+        assert channel.waiting == 0
+        assert [key.events for key in selector.get_map().values()] == [selectors.EVENT_READ]
+        channel.close()
+    assert not lost

@@ -7,13 +7,16 @@ import os
 import select
 import selectors
 import socket
+from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
+from itertools import islice
 
 BACKLOG = 1 << 20
 """Largest number of bytes that wait for a peer, 1 MiB; chosen: some 1000 answers."""
 
 _CHUNK = 1 << 18  # bytes that are received at once; chosen
+_MOST_AT_ONCE = 64  # messages that are sent at once; chosen, far below the 1024 of the system
 
 READ, WRITE = selectors.EVENT_READ, selectors.EVENT_WRITE
 
@@ -39,7 +42,17 @@ class Channel:
         Whether other peers come first: what this one has sent is not read yet.
     """
 
-    __slots__ = ("_backlog", "_ended", "_gone", "_has_to_wait", "_received", "_selector", "_waiting", "sock")
+    __slots__ = (
+        "_backlog",
+        "_ended",
+        "_gone",
+        "_has_to_wait",
+        "_length",
+        "_received",
+        "_selector",
+        "_waiting",
+        "sock",
+    )
 
     def __init__(
         self,
@@ -54,7 +67,7 @@ class Channel:
         sock.setblocking(False)
         self.sock, self._selector = sock, selector
         self._received, self._gone, self._ended, self._has_to_wait = received, gone, ended, has_to_wait
-        self._waiting, self._backlog = bytearray(), backlog
+        self._waiting, self._length, self._backlog = deque[bytes | memoryview](), 0, backlog
         selector.register(sock, READ, self._ready)
 
     @property
@@ -65,21 +78,20 @@ class Channel:
     @property
     def waiting(self) -> int:
         """Bytes that the peer has not taken yet."""
-        return len(self._waiting)
+        return self._length
 
     def send(self, data: bytes) -> bool:
         """Send all or nothing of `data`, now or later; return whether there was room for it."""
         if not self.open:
             return False
-        if self._waiting:
-            if len(self._waiting) + len(data) > self._backlog:
-                return False
-            self._waiting += data
-            return True
-        taken = self._sent(data)
-        if taken < len(data) and self.open:
-            self._waiting += memoryview(data)[taken:]
-            self._selector.modify(self.sock, READ | WRITE, self._ready)
+        if self._length and self._length + len(data) > self._backlog:
+            return False
+        self._waiting.append(data)
+        self._length += len(data)
+        if len(self._waiting) == 1:
+            self._send_waiting()
+            if self._waiting and self.open:
+                self._selector.modify(self.sock, READ | WRITE, self._ready)
         return True
 
     def close(self, *, drain: bool = False) -> None:
@@ -97,8 +109,7 @@ class Channel:
 
     def _ready(self, events: int) -> None:
         if events & WRITE and self.open:
-            taken = self._sent(self._waiting)
-            del self._waiting[:taken]
+            self._send_waiting()
             if not self._waiting and self.open:
                 self._selector.modify(self.sock, READ, self._ready)
         if events & READ and self.open and not self._has_to_wait():
@@ -118,14 +129,20 @@ class Channel:
             self._ended()
             self._lost()
 
-    def _sent(self, data: bytes | bytearray) -> int:
+    def _send_waiting(self) -> None:
+        """Send what the system takes now; messages stay apart, since to join many takes milliseconds."""
         try:
-            return self.sock.send(data)
+            taken = self.sock.sendmsg(islice(self._waiting, _MOST_AT_ONCE))
         except BlockingIOError:
-            return 0
+            return
         except OSError:
             self._lost()
-            return 0
+            return
+        self._length -= taken
+        while self._waiting and taken >= len(self._waiting[0]):
+            taken -= len(self._waiting.popleft())
+        if taken:
+            self._waiting[0] = memoryview(self._waiting[0])[taken:]
 
     def _lost(self) -> None:
         self.close()

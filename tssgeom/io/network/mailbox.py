@@ -224,13 +224,19 @@ class Mailbox:
         self.arrived += count
         self.dropped += count
 
+    @property
+    def next_sender(self) -> Sender | None:
+        """The sender whose turn it is; None where no frame is to be answered now."""
+        return min((one for one in self._senders if not one.busy), key=self._turn, default=None)
+
     def newest(self) -> Arrival | Refused:
-        """Decode the newest frame of the sender whose turn it is, which must not be busy.
+        """Decode the newest frame of the sender whose turn it is, of which there must be one.
 
         Where it is good, the earlier ones are dropped. Where it is bad, it is kept until an earlier one is
-        good or none is left: then all bad ones are reported, in their order.
+        good, none is left, or as many bad ones are kept as may wait: then these are reported, in their order.
         """
-        sender = min((one for one in self._senders if not one.busy), key=self._turn)
+        sender = self.next_sender
+        assert sender is not None
         self._used = max(self._used, self._share(sender))
         waiting = sender.waiting.pop()
         frame = waiting.decode()
@@ -242,11 +248,13 @@ class Mailbox:
             self.dropped += len(sender.waiting)
             sender.waiting.clear()
             return Arrival(sender, self._rejected(sender), waiting.seq, waiting.arrived, frame)
-        return Refused(sender, () if sender.waiting else self._rejected(sender))
+        kept = sender.waiting and len(sender.rejected) < LIMITS.waiting
+        return Refused(sender, () if kept else self._rejected(sender))
 
     def _rejected(self, sender: Sender) -> tuple[Rejected, ...]:
-        """Take out the rejected frames of a sender of which none waits any more, the oldest first."""
-        self._senders.remove(sender)
+        """Take out the rejected frames of a sender, the oldest first."""
+        if not sender.waiting:
+            self._senders.remove(sender)
         rejected = tuple(reversed(sender.rejected))
         sender.rejected.clear()
         return rejected
