@@ -1,54 +1,18 @@
 """The report of discover: the answer first, everything in it, nothing from elsewhere."""
 
-from collections import Counter
 from dataclasses import replace
-from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
 
+from tests.view.page import Page
 from tests.worked_finding import without_held_out, worked_finding
 from tssgeom.errors import SourceError
 from tssgeom.identify.finding import Experiment, RigNumber
 from tssgeom.view.finding_wording import candidate, is_selected, next_steps, significant
 from tssgeom.view.report.finding import write_finding_report
 
-VOID = {"meta", "br", "link", "img", "input", "hr"}
 VERDICTS = ("none", "effect", "tie", "unknown")
-
-
-class Page(HTMLParser):
-    """Headings, text and addresses of a page; fails where tags do not match."""
-
-    def __init__(self, text: str) -> None:
-        super().__init__()
-        self.tags: Counter[str] = Counter()
-        self.addresses: list[str] = []
-        self.headings: list[str] = []
-        self.text = ""
-        self.open: list[str] = []
-        self.feed(text)
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.tags[tag] += 1
-        self.addresses += [value or "" for name, value in attrs if name in ("href", "src", "xlink:href")]
-        if tag not in VOID:
-            self.open.append(tag)
-
-    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.handle_starttag(tag, attrs)
-        self.handle_endtag(tag)
-
-    def handle_endtag(self, tag: str) -> None:
-        if tag not in VOID:
-            assert self.open.pop() == tag
-
-    def handle_data(self, data: str) -> None:
-        if self.open and self.open[-1] == "style":
-            return
-        self.text += data
-        if self.open and self.open[-1] == "h2":
-            self.headings.append(data)
 
 
 @pytest.fixture(scope="module")
@@ -76,7 +40,7 @@ def test_the_verdict_comes_before_every_heading(pages: dict[str, Page], verdict:
 def test_the_page_needs_nothing_beside_itself(pages: dict[str, Page], verdict: str) -> None:
     page = pages[verdict]
     assert page.tags.keys().isdisjoint({"link", "img", "iframe", "script"})
-    assert not [address for address in page.addresses if "//" in address]
+    assert not [address for address in page.values("href", "src", "xlink:href") if "//" in address]
 
 
 def test_a_detected_effect_has_its_interval_evidence_and_misfit(pages: dict[str, Page]) -> None:

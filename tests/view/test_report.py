@@ -3,14 +3,13 @@ import html
 import re
 import shutil
 import subprocess
-from collections import Counter
-from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from tests.view.page import Page
 from tssgeom.errors import SourceError
 from tssgeom.rig import Rig
 from tssgeom.stream import FrameResult, Rejected
@@ -19,39 +18,6 @@ from tssgeom.view.report.kinds import kinds
 from tssgeom.view.report.outlying_inputs import outlying_inputs
 from tssgeom.view.report.report import ReportEntry, rendered, section, write_report
 from tssgeom.view.wording import with_error
-
-VOID = {"meta", "br", "link", "img", "input", "hr"}
-
-
-class Page(HTMLParser):
-    """Tags, attributes and text of a page; fails where tags do not match."""
-
-    def __init__(self, text: str) -> None:
-        super().__init__()
-        self.tags: Counter[str] = Counter()
-        self.attributes: list[tuple[str, str, str]] = []
-        self.text = ""
-        self.open: list[str] = []
-        self.feed(text)
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.tags[tag] += 1
-        self.attributes += [(tag, name, value or "") for name, value in attrs]
-        if tag not in VOID:
-            self.open.append(tag)
-
-    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.handle_starttag(tag, attrs)
-        self.handle_endtag(tag)
-
-    def handle_endtag(self, tag: str) -> None:
-        assert self.open.pop() == tag
-
-    def handle_data(self, data: str) -> None:
-        self.text += data
-
-    def values(self, attribute: str) -> list[str]:
-        return [value for _, name, value in self.attributes if name == attribute]
 
 
 @pytest.fixture(scope="module")
@@ -82,7 +48,7 @@ def page(path: Path) -> Page:
 def test_page_loads_nothing_from_elsewhere(page: Page) -> None:
     assert page.tags.keys().isdisjoint({"link", "img", "iframe", "object"})
     assert page.values("src") == []
-    addresses = page.values("href") + page.values("xlink:href")
+    addresses = page.values("href", "xlink:href")
     assert not [address for address in addresses if "//" in address]
     assert "@import" not in page.text
 

@@ -6,6 +6,7 @@ from typing import ClassVar, Literal
 from tssgeom.effects.kinds import PATHS, Channel, Effect, Hook, Parameter, Setup, Tie
 
 _SCALE = Parameter("N", 0.05, 100.0, 2.0, 2.0, centre=2.0, switch=False)
+_SERIES = Parameter("m/N", 0.0, 1e-2, 2e-5, 4e-5)
 _STRAIGHT = "the tension is the same all along: no friction, or a straight sheath"
 _BENT = "a run on a bent route, pulled and released"
 
@@ -110,9 +111,7 @@ class SeriesComplianceProximal(Effect, frozen=True):
 
     hook: ClassVar[Hook] = "bar law"
     by_force: ClassVar[tuple[Channel, ...]] = PATHS
-    parameters: ClassVar[dict[str, Parameter]] = {
-        "compliance_m_per_N": Parameter("m/N", 0.0, 1e-2, 2e-5, 4e-5)
-    }
+    parameters: ClassVar[dict[str, Parameter]] = {"compliance_m_per_N": _SERIES}
     ties: ClassVar[tuple[Tie, ...]] = (
         Tie("G2", ("series_compliance_distal", "rig.tendon.compliance_per_N"), _STRAIGHT, _BENT),
     )
@@ -133,9 +132,7 @@ class SeriesComplianceDistal(Effect, frozen=True):
 
     hook: ClassVar[Hook] = "bar law"
     by_force: ClassVar[tuple[Channel, ...]] = PATHS
-    parameters: ClassVar[dict[str, Parameter]] = {
-        "compliance_m_per_N": Parameter("m/N", 0.0, 1e-2, 2e-5, 4e-5)
-    }
+    parameters: ClassVar[dict[str, Parameter]] = {"compliance_m_per_N": _SERIES}
     ties: ClassVar[tuple[Tie, ...]] = (
         Tie("G2", ("series_compliance_proximal", "rig.tendon.compliance_per_N"), _STRAIGHT, _BENT),
         Tie(
