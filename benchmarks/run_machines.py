@@ -15,12 +15,16 @@ import numpy as np
 from benchmarks.real_sets import ARM, PRELOAD, ZERO
 from benchmarks.run_laws import Case, Estimate, Prediction
 from tssgeom.arrays import Vector
-from tssgeom.errors import TssgeomError
+from tssgeom.errors import FitError, TssgeomError
+from tssgeom.identify.fit_quality import ROBUST, weights_of
 from tssgeom.identify.machine_calibration import calibrate_machine
-from tssgeom.identify.machine_discovery import fitted_to_all, machine_work
+from tssgeom.identify.machine_discovery import machine_work
 from tssgeom.identify.machine_estimates import MachineCalibration
-from tssgeom.identify.machine_evidence import FittedModel
-from tssgeom.identify.machine_finding import MachineCampaign
+from tssgeom.identify.machine_evidence import FittedModel, modelled
+from tssgeom.identify.machine_finding import MachineCampaign, MachineWork
+from tssgeom.identify.machine_fit import fit_round, fitted_again
+from tssgeom.identify.machine_parameters import Parameter, parameters_of
+from tssgeom.identify.machine_problem import FIT, Problem, fitted_rows
 from tssgeom.identify.machine_run import MachineRun, finely_predicted, machine_run, predicted, route_of_rig
 from tssgeom.mechanism import Drive, End
 from tssgeom.rig import Friction, GivenRoute, Rig, Tendon, with_values
@@ -200,8 +204,8 @@ def _discovered(case: Case, plan: Plan) -> Discovered:
             }
             known.append(machine_run(f"run {k}", used, [route_of_rig(rig)], rig))
     work, _ = machine_work(MachineCampaign(case.name, rig, tuple(plan.uncertain), tuple(known)))
-    model = fitted_to_all(work)
-    plain = fitted_to_all(replace(work, chosen=replace(work.chosen, model=work.chosen.base)))
+    model = _fitted_to_all(work)
+    plain = _fitted_to_all(replace(work, chosen=replace(work.chosen, model=work.chosen.base)))
     parts = tuple(part.label for part in model.parts)
     names = [run.name for run in (*work.fitted, *work.kept)]
     return Discovered(
@@ -210,6 +214,33 @@ def _discovered(case: Case, plan: Plan) -> Discovered:
         _predictions(case, plan, model, whole, names),
         _predictions(case, plan, plain, whole, names),
     )
+
+
+def _fitted_to_all(work: MachineWork) -> FittedModel:
+    """Fit what was chosen once more, to everything that was held out too."""
+    model = work.chosen.model
+    runs = (*work.fitted, *work.kept)
+    runs = tuple(replace(run, held_out=np.zeros_like(run.held_out)) for run in runs)
+    every = parameters_of(runs, work.campaign.rig, work.campaign.uncertain)
+    own = [each for each in every if each.kind != "rig"]
+    of_gain = [each for each in every if each.key == "route.angle_gain"]  # not of one route any more
+    fitted = [each for each in model.problem.parameters if each.kind == "rig"]
+    shared = [each for each in fitted if each.key != "route.angle_gain"] + of_gain
+
+    def named(each: Parameter) -> tuple[str, str, int]:
+        return (each.kind, each.key, -1 if each.kind == "route" else each.run)
+
+    at = {named(each): u for each, u in zip(model.problem.parameters, model.state.u, strict=True)}
+    parameters = (*shared, *own)
+    start = np.array([at.get(named(each), 0.0) for each in parameters])
+    problem = Problem(runs, model.problem.rig, parameters, fitted_rows(runs, held_out=None), FIT.bars)
+    channels = problem.model(start)
+    if channels is None:
+        raise FitError("the machine has no equilibrium at the numbers of its fit")
+    state = fit_round(problem, start, *weights_of(problem.left(channels)))
+    for _ in range(ROBUST.rounds):
+        problem, state = fitted_again(problem, state)
+    return modelled(problem, state, model.parts, ())
 
 
 def _predictions(

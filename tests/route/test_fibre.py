@@ -9,7 +9,8 @@ import pytest
 from tssgeom.arrays import rows_at
 from tssgeom.errors import ShapeError
 from tssgeom.route.fibre.route import integrated
-from tssgeom.route.fibre.sensed import clean_fibre, fit_fibre, measure_fibre
+from tssgeom.route.fibre.sensed import clean_fibre, fit_fibre
+from tssgeom.route.route_fit import RouteFit
 from tssgeom.route.synthetic import helix
 
 NEEDLE = Path(__file__).resolve().parents[3] / "shared" / "data" / "fbg_needle" / "shape_stuff.json"
@@ -25,6 +26,10 @@ def read(bend: np.ndarray, s: np.ndarray):
     """A fibre from 0 to LENGTH with gratings at `s`."""
     marked = np.vstack((np.full(2, np.nan), bend, np.full(2, np.nan)))
     return clean_fibre(marked, np.concatenate(([0.0], s, [LENGTH])))
+
+
+def measured(*fibre) -> RouteFit:
+    return fit_fibre(*fibre).fit
 
 
 def line(rng):
@@ -63,7 +68,7 @@ def errors(route, n: int, noise: float, known: bool, trials: int) -> np.ndarray:
     for _ in range(trials):
         bend, s = route(rng), stations(n)
         sensed = bend(s) + noise * rng.standard_normal((n, 2))
-        arcs = measure_fibre(read(sensed, s), noise if known else None).arcs
+        arcs = measured(read(sensed, s), noise if known else None).arcs
         out.append((arcs.total_angle - angle(bend), arcs.total_angle_se))
     return np.array(out)
 
@@ -145,14 +150,14 @@ def test_pieces_are_distinguished_from_smooth_curvature():
 def test_straight_pieces_have_exactly_no_angle():
     s = stations(40)
     bend = np.where(s[:, None] < 0.25, 0.0, [12.0, 5.0])
-    arcs = measure_fibre(read(bend + 0.2 * np.random.default_rng(3).standard_normal(bend.shape), s), 0.2).arcs
+    arcs = measured(read(bend + 0.2 * np.random.default_rng(3).standard_normal(bend.shape), s), 0.2).arcs
     assert arcs.angle[0] == 0.0
     assert len(arcs.length) == 2
     assert arcs.angle[1] == pytest.approx(13 * 0.25, abs=3 * arcs.total_angle_se)
 
 
 def test_curvatures_of_zero_leave_the_angle_that_the_known_noise_could_hide():
-    arcs = measure_fibre(read(np.zeros((18, 2)), stations(18)), 0.5).arcs
+    arcs = measured(read(np.zeros((18, 2)), stations(18)), 0.5).arcs
     assert arcs.total_angle == 0.0
     hidden = 0.5 / np.sqrt(18) * LENGTH  # of one component of the mean
     assert 0.1 * hidden < arcs.total_angle_se < 3 * hidden
@@ -161,9 +166,7 @@ def test_curvatures_of_zero_leave_the_angle_that_the_known_noise_could_hide():
 def test_a_joint_is_uncertain_by_the_spacing_of_gratings():
     s = stations(10)  # 50 mm apart
     bend = np.where(s[:, None] < 0.25, [4.0, 0.0], [20.0, 0.0])
-    arcs = measure_fibre(
-        read(bend + 0.05 * np.random.default_rng(4).standard_normal(bend.shape), s), 0.05
-    ).arcs
+    arcs = measured(read(bend + 0.05 * np.random.default_rng(4).standard_normal(bend.shape), s), 0.05).arcs
     gap = 0.05 / np.sqrt(12)  # standard deviation of a position uniform over 50 mm
     assert np.sqrt(arcs.covariance[0, 0]) == pytest.approx(gap, rel=0.02)
     assert arcs.total_angle_se == pytest.approx(16.0 * gap, rel=0.15)  # noise, ends and slopes add
@@ -174,7 +177,7 @@ def test_a_joint_is_uncertain_by_the_spacing_of_gratings():
 def test_pieces_keep_length_and_angle(route):
     rng = np.random.default_rng(5)
     bend = route(rng)(stations(18))
-    geometry = measure_fibre(read(bend + 0.3 * rng.standard_normal(bend.shape), stations(18)), 0.3)
+    geometry = measured(read(bend + 0.3 * rng.standard_normal(bend.shape), stations(18)), 0.3)
     assert geometry.arcs.total_length == pytest.approx(LENGTH, abs=1e-12)
     assert geometry.arcs.total_angle == pytest.approx(geometry.profile.total_angle, abs=1e-12)
     assert geometry.arcs.total_angle_se == pytest.approx(geometry.profile.total_angle_se, rel=1e-9)
@@ -187,7 +190,7 @@ def test_rolling_the_fibre_about_itself_changes_no_angle():
     s = stations(18)
     bend = harmonics(rng)(s) + 0.3 * rng.standard_normal((18, 2))
     cos, sin = np.cos(1.1), np.sin(1.1)
-    here, rolled = (measure_fibre(read(b, s), 0.3).arcs for b in (bend, bend @ [[cos, sin], [-sin, cos]]))
+    here, rolled = (measured(read(b, s), 0.3).arcs for b in (bend, bend @ [[cos, sin], [-sin, cos]]))
     assert rolled.total_angle == pytest.approx(here.total_angle, rel=1e-9)
     assert rolled.total_angle_se == pytest.approx(here.total_angle_se, rel=1e-9)
 
@@ -196,15 +199,15 @@ def test_angle_and_error_do_not_depend_on_the_unit():
     rng = np.random.default_rng(11)
     s = stations(18)
     bend = six_pieces(rng)(s) + 0.3 * rng.standard_normal((18, 2))
-    small = measure_fibre(clean_fibre(bend, s), 0.3).arcs
-    large = measure_fibre(clean_fibre(bend / 10, 10 * s), 0.03).arcs
+    small = measured(clean_fibre(bend, s), 0.3).arcs
+    large = measured(clean_fibre(bend / 10, 10 * s), 0.03).arcs
     assert large.total_angle == pytest.approx(small.total_angle, rel=1e-9)
     assert large.total_angle_se == pytest.approx(small.total_angle_se, rel=1e-9)
 
 
 def test_a_half_circle_ends_two_radii_aside():
     everywhere = np.linspace(0.0, LENGTH, 18)  # gratings at both ends: nothing is left unsensed
-    geometry = measure_fibre(clean_fibre(np.tile([np.pi / LENGTH, 0.0], (18, 1)), everywhere))
+    geometry = measured(clean_fibre(np.tile([np.pi / LENGTH, 0.0], (18, 1)), everywhere))
     end = geometry.route.position[-1]
     np.testing.assert_allclose(end, [2 * LENGTH / np.pi, 0.0, 0.0], atol=1e-6)
     np.testing.assert_allclose(geometry.route.tangent[-1], [0.0, 0.0, -1.0], atol=1e-5)
@@ -244,7 +247,7 @@ def test_the_distal_end_scatters_as_its_standard_deviation_says():
     rng = np.random.default_rng(6)
     bend, ends, stated = half(rng)(stations(18)), [], []
     for _ in range(60):
-        route = measure_fibre(read(bend + 0.5 * rng.standard_normal(bend.shape), stations(18)), 0.5).route
+        route = measured(read(bend + 0.5 * rng.standard_normal(bend.shape), stations(18)), 0.5).route
         ends.append(route.position[-1])
         stated.append(route.noise)
     scatter = np.sqrt(np.mean(np.var(ends, axis=0)))
@@ -255,7 +258,7 @@ def test_the_distal_end_scatters_as_its_standard_deviation_says():
 def test_thousands_of_gratings_are_averaged():
     s = stations(3000)
     bend = half(np.random.default_rng(0))(s) + np.random.default_rng(8).standard_normal((3000, 2))
-    arcs = measure_fibre(read(bend, s), 1.0).arcs
+    arcs = measured(read(bend, s), 1.0).arcs
     assert arcs.total_angle == pytest.approx(np.pi, abs=3 * arcs.total_angle_se)
     assert arcs.total_angle_se < 2 * LENGTH / np.sqrt(
         3000
@@ -311,7 +314,7 @@ def test_needle_shape_follows_from_its_own_curvatures():
     twist = np.concatenate(([0.0], np.cumsum(0.5 * (spin[2, 1:] + spin[2, :-1]) * np.diff(s))))
     cos, sin = np.cos(twist), np.sin(twist)
     bend = np.column_stack((cos * spin[1] + sin * spin[0], sin * spin[1] - cos * spin[0]))
-    geometry = measure_fibre(clean_fibre(bend, s))
+    geometry = measured(clean_fibre(bend, s))
     result = rows_at(s, geometry.route.s, geometry.route.position)
     # the reference steps by half a millimetre with one rotation each: that is 0.23 µm off at its end
     assert np.max(np.linalg.norm(result - location, axis=1)) < 0.5e-6

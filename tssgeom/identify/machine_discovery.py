@@ -11,9 +11,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from tssgeom.errors import FitError, SettingsError
+from tssgeom.errors import SettingsError
 from tssgeom.identify.finding import Evidence, Finding
-from tssgeom.identify.fit_quality import ROBUST, weights_of
 from tssgeom.identify.machine_evidence import (
     FittedModel,
     changes,
@@ -24,8 +23,8 @@ from tssgeom.identify.machine_evidence import (
     modelled,
 )
 from tssgeom.identify.machine_finding import MachineCampaign, MachineWork, NamedZero
-from tssgeom.identify.machine_fit import fit_from, fit_round, fitted_again, start_of
-from tssgeom.identify.machine_parameters import Parameter, parameters_of
+from tssgeom.identify.machine_fit import fit_from, start_of
+from tssgeom.identify.machine_parameters import parameters_of
 from tssgeom.identify.machine_parts import parts_of
 from tssgeom.identify.machine_problem import FIT, Problem, fitted_rows
 from tssgeom.identify.machine_run import LIMITS, MachineRun, thinned
@@ -88,33 +87,6 @@ def machine_work(
     base, zeros = _zeros(chosen, kept)
     work = MachineWork(campaign, fitted, kept, base, chosen, zeros)
     return work, (*said, *(note for run in fitted for note in run.notes))
-
-
-def fitted_to_all(work: MachineWork) -> FittedModel:
-    """Fit what was chosen once more, to everything that was held out too."""
-    model = work.chosen.model
-    runs = (*work.fitted, *work.kept)
-    runs = tuple(replace(run, held_out=np.zeros_like(run.held_out)) for run in runs)
-    every = parameters_of(runs, work.campaign.rig, work.campaign.uncertain)
-    own = [each for each in every if each.kind != "rig"]
-    of_gain = [each for each in every if each.key == "route.angle_gain"]  # not of one route any more
-    fitted = [each for each in model.problem.parameters if each.kind == "rig"]
-    shared = [each for each in fitted if each.key != "route.angle_gain"] + of_gain
-
-    def named(each: Parameter) -> tuple[str, str, int]:
-        return (each.kind, each.key, -1 if each.kind == "route" else each.run)
-
-    at = {named(each): u for each, u in zip(model.problem.parameters, model.state.u, strict=True)}
-    parameters = (*shared, *own)
-    start = np.array([at.get(named(each), 0.0) for each in parameters])
-    problem = Problem(runs, model.problem.rig, parameters, fitted_rows(runs, held_out=None), FIT.bars)
-    channels = problem.model(start)
-    if channels is None:
-        raise FitError("the machine has no equilibrium at the numbers of its fit")
-    state = fit_round(problem, start, *weights_of(problem.left(channels)))
-    for _ in range(ROBUST.rounds):
-        problem, state = fitted_again(problem, state)
-    return modelled(problem, state, model.parts, ())
 
 
 def parted_runs(

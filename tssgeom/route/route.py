@@ -52,11 +52,6 @@ class Route(Result):
     """Sensed point less its foot [m]."""
 
 
-def accumulated(s: Vector, rate: Vector) -> Vector:
-    """Integral of `rate` over `s` up to each node: arc length from speed, angle from curvature."""
-    return summed(0.5 * (rate[1:] + rate[:-1]) * np.diff(s))
-
-
 def summed(step: Vector) -> Vector:
     """Sum of the steps before each node, from 0."""
     return np.concatenate(([0.0], np.cumsum(step)))

@@ -145,11 +145,6 @@ def _refuse_full_turns(bend: Matrix, s: Vector) -> None:
         )
 
 
-def measure_fibre(fibre: Fibre, noise: float | None = None, method: Method = "auto") -> RouteFit:
-    """Route, curvature profile and pieces of a fibre; see `fit_fibre`."""
-    return fit_fibre(fibre, noise, method).fit
-
-
 def fit_fibre(
     fibre: Fibre, noise: float | None = None, method: Method = "auto", last: LastNoise | None = None
 ) -> FibreFit:
