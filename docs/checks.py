@@ -11,6 +11,7 @@ from pathlib import Path
 from tssgeom.identify.fit_quality import FIT_TEST
 from tssgeom.plausibility.limits import LIMITS as PLAUSIBLE
 from tssgeom.plausibility.rules import RULES, Rule
+from tssgeom.statistics import EVIDENCE_SCALE
 
 PAGE = Path(__file__).with_suffix(".md")
 HEAD = """# Checks
@@ -36,9 +37,9 @@ more than {FIT_TEST.most_of_range:.0%} of its range and more than {FIT_TEST.most
 (rms), where the friction coefficient is above {PLAUSIBLE.most_rig_friction:g}, or where a zero ended at its
 bound. An effect that the model lacks leaves up to 5 % of the range on simulated runs; the estimates are
 then usable, and `discover` names the effect. Residuals that are not white (Ljung and Box,
-p < {FIT_TEST.white:g}) and above {FIT_TEST.sound:g} × the noise show that the model lacks an effect.
-Smaller ones also come from the bent scale of a sensor, and from a drive that turns between two readings.
-All are reported and widen the intervals; none fails the fit.
+p < {EVIDENCE_SCALE.false_alarms:g}) and above {FIT_TEST.sound:g} × the noise show that the model lacks
+an effect. Smaller ones also come from the bent scale of a sensor, and from a drive that turns between two
+readings. All are reported and widen the intervals; none fails the fit.
 """
 
 

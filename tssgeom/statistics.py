@@ -23,6 +23,9 @@ class EvidenceScale:
     """Fall of BIC, or 2 Δ ln Z, below which two models are not separated [1]; cited: odds of 20."""
     very_strong: float = 10.0
     """The same that a part of a model needs [1]; cited: odds of 150."""
+    false_alarms: float = 0.01
+    """Share of sound runs, of clean campaigns or of readings that chance alone may take beyond a limit [1];
+    chosen: one in a hundred."""
 
 
 EVIDENCE_SCALE = EvidenceScale()

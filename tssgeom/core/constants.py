@@ -30,6 +30,9 @@ class Chance(NamedTuple):
 
     clear: float = 3.0
     """From here a number differs from what was expected [1]; derived: 1 of 370 by chance."""
+    rare: float = 4.0
+    """Of many numbers hardly one goes so far, and none does without a reason [1]; derived: 1 of 16 000 by
+    chance."""
     never: float = 6.0
     """No error of a whole run goes so far [1]; derived: 1 of 10⁹ by chance."""
 

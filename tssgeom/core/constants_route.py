@@ -4,11 +4,8 @@ from typing import NamedTuple
 
 
 class OutlierLimits(NamedTuple):
-    """Limits on residuals. Squares are in variances of the noise, lengths in spacings of the points."""
+    """Limits on residuals; lengths are in spacings of the points."""
 
-    square: float = 16.0
-    """Squared residual of one value of many [1]. Derived: with 2 ln n added, pure noise of two components
-    takes one of n values for an outlier with a chance of e^-8 = 0.03 %, whatever n is."""
     share: float = 0.1
     """Most outliers of all values, or of those side by side; where there are more, the fit, or the order, is
     wrong [1]; chosen."""

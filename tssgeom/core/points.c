@@ -5,7 +5,7 @@
 
 /* Square beyond which a residual, one of `count`, is an outlier; docs/model.md (29). */
 double outlier_limit(int64_t count, double variance) {
-    return (OUTLIERS.square + 2.0 * log((double)count)) * variance;
+    return (squared(CHANCE.rare) + 2.0 * log((double)count)) * variance;
 }
 
 /* Variance by which residuals are judged: the greatest of three; docs/model.md (29). */

@@ -32,8 +32,6 @@ class DriveSettings:
     """Standard errors of slope and bend below which a plateau is a hold [1]; chosen."""
     straight: float = 0.2
     """Of a step: difference from the step before on a straight leg [1]; chosen."""
-    unlike: float = 4.0
-    """S.d. by which two steps of one slope differ at most [1]; chosen."""
     same: float = 0.02
     """Of a step and of the noise: a corner this near to a sample is that sample [1]; chosen."""
     between: float = 0.05
@@ -138,7 +136,7 @@ def _corner(time: Vector, drive: Vector, noise: float) -> tuple[float, float]:
     """Return when and where the drive turned, from five samples of which the third is the outermost."""
     before, behind = ((drive[i + 1] - drive[i]) / (time[i + 1] - time[i]) for i in (0, 3))
     near = [(drive[i + 1] - drive[i]) / (time[i + 1] - time[i]) for i in (1, 2)]
-    least = DRIVE.unlike * noise / float(np.mean(np.diff(time)))
+    least = CHANCE.rare * noise / float(np.mean(np.diff(time)))
     off = min(abs(near[0] - before), abs(near[1] - behind))
     straight = off < max(DRIVE.straight * max(abs(before), abs(behind)), least)
     if straight and before * behind < 0.0:

@@ -11,7 +11,7 @@ from scipy.stats import chi2
 from tssgeom.arrays import Vector
 from tssgeom.core.constants import CHANCE
 from tssgeom.plausibility.limits import LIMITS as PLAUSIBLE
-from tssgeom.statistics import robust_sd
+from tssgeom.statistics import EVIDENCE_SCALE, robust_sd
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,8 +30,6 @@ class FitTest:
     unobserved: float = 0.5
     """Chosen: the readings count for less than what was assumed. Of the prior's standard deviation: a wider
     posterior means that no reading shows the number [1]."""
-    white: float = 0.01
-    """Chosen: one sound run in a hundred. Probability below which residuals are not white [1]."""
     most_lags: int = 20
     """Cited: Box, Jenkins and Reinsel, Time series analysis (1994). Lags of the test of whiteness [1]."""
     rows_a_lag: int = 5
@@ -90,7 +88,7 @@ class ChannelFit:
     @property
     def is_white(self) -> bool:
         """Whether the residuals may be white."""
-        return self.whiteness_p >= FIT_TEST.white
+        return self.whiteness_p >= EVIDENCE_SCALE.false_alarms
 
     @property
     def lacks_an_effect(self) -> bool:

@@ -11,6 +11,7 @@ import numpy as np
 from scipy.stats import t as student
 
 from tssgeom.arrays import Matrix, Vector
+from tssgeom.core.constants import CHANCE
 from tssgeom.identify.fit_quality import FIT_TEST, ChannelFit, failures, misfits, whiteness
 from tssgeom.identify.machine_held_out import NOTHING_HELD_OUT, HeldOut, contradictions
 from tssgeom.identify.machine_parameters import route_numbers
@@ -123,7 +124,7 @@ def _estimates(problem: Problem, u: Vector, covariance: Matrix, quantile: float)
         value, low, high = (each.value(x) for x in (u[j], u[j] - quantile * sd, u[j] + quantile * sd))
         prior = (each.value(-NORMAL_95), each.value(NORMAL_95))
         key = each.key if each.kind == "rig" else ""
-        bound = bool(key) and abs(u[j]) >= FIT.farthest
+        bound = bool(key) and abs(u[j]) >= CHANCE.rare
         yield MachineEstimate(
             each.name, each.unit, value, low, high, sd < FIT_TEST.unobserved, prior, key, at_bound=bound
         )

@@ -225,8 +225,8 @@ def _reasons(before: FittedModel, after: FittedModel) -> Iterator[str]:
     shared = len(before.state.u)
     values = zip(after.problem.parameters, after.state.u, strict=True)
     for j, (each, u) in enumerate(values):
-        far = abs(u) >= FIT.farthest
-        was = j < shared and abs(before.state.u[j]) >= FIT.farthest
+        far = abs(u) >= CHANCE.rare
+        was = j < shared and abs(before.state.u[j]) >= CHANCE.rare
         if each.kind == "rig" and far and not was:
             yield f"{each.name} goes to its bound"
     limits = {

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 import numpy as np
 
 from tssgeom.arrays import Vector
+from tssgeom.core.constants import CHANCE
 from tssgeom.errors import FitError
 from tssgeom.identify.fit_quality import ROBUST, first_weights, weights_of
 from tssgeom.identify.machine_problem import FIT, FitState, Problem, fitted_rows
@@ -59,7 +60,7 @@ def _corners(problem: Problem, free: Sequence[int]) -> Iterator[Vector]:
         for j in pretension if first else ():
             at_rest = problem.parameters[j].prior.u(max(float(np.median(first)), _LEAST_TENSION))
             u = u.copy()
-            u[j] = np.clip(at_rest, -FIT.farthest, FIT.farthest)
+            u[j] = np.clip(at_rest, -CHANCE.rare, CHANCE.rare)
             yield u
 
 
@@ -96,7 +97,7 @@ def fit_round(
         return np.concatenate(left), (channels, left)
 
     given = LeastSquares(
-        *(model, np.eye(len(start)), np.full(len(start), -FIT.farthest), np.full(len(start), FIT.farthest)),
+        *(model, np.eye(len(start)), np.full(len(start), -CHANCE.rare), np.full(len(start), CHANCE.rare)),
         whitened=lambda left: (rows * left.T).T,
         close=FIT.close,
         jacobian=lambda now: problem.jacobian(now.u, *now.detail) * rows[:, None],

@@ -45,8 +45,6 @@ class MachineFitSettings:
     """Starts, the best of 27, from which short fits are made [1]; chosen."""
     start_steps: int = 4
     """Steps from each start before the best one is kept; chosen."""
-    farthest: float = 4.0
-    """Standard deviations of the prior that a number may go [1]; chosen: one in 16 000."""
 
 
 FIT = MachineFitSettings()

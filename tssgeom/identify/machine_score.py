@@ -10,9 +10,10 @@ from typing import NamedTuple
 import numpy as np
 
 from tssgeom.arrays import Matrix, Vector
+from tssgeom.core.constants import CHANCE
 from tssgeom.identify.machine_evidence import FittedModel
 from tssgeom.identify.machine_parts import PARTS, Part
-from tssgeom.identify.machine_problem import FIT, Problem
+from tssgeom.identify.machine_problem import Problem
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +83,7 @@ def score_of(model: FittedModel, part: Part, lines: Lines) -> PartScore | None:
             amplitude = min(max(amplitude, low + 1e-3), high - 1e-3)
         gain = score[1] if score[0] * amplitude > 0.0 and low < score[0] else 0.0
         start = added.copy()
-        start[switch] = min(max(amplitude, -FIT.farthest), FIT.farthest)
+        start[switch] = min(max(amplitude, -CHANCE.rare), CHANCE.rare)
         made = PartScore(part, longer, np.concatenate([state.u, start]), gain)
         best = made if best is None or made.gain > best.gain else best
     return best

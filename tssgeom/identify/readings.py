@@ -17,6 +17,7 @@ from tssgeom.identify.campaign import Campaign, Route, Run
 from tssgeom.identify.drive import calmed, turning_points, with_corners
 from tssgeom.plausibility.limits import LIMITS as PLAUSIBLE
 from tssgeom.rig import Rig, Sensor
+from tssgeom.route.stated_noise import STATED
 from tssgeom.statistics import reading_noise
 from tssgeom.tendon.bars.model import Drive
 
@@ -28,8 +29,6 @@ class ReadingLimits:
     Frozen on the development seeds of `benchmarks.discovery`.
     """
 
-    noisier: float = 1.5
-    """Over the specified noise: from here the noise of the data counts [1]; chosen."""
     cycles: int = 3
     """One of so many cycles, the last, is held out, or predicted; chosen: two remain to be fitted."""
     at_rest: float = 20.0
@@ -162,7 +161,7 @@ def noise_of(rig: Rig, channel: str, time: Vector, column: Vector) -> float:
     stated = math.hypot(sensor.noise, sensor.resolution / math.sqrt(12.0))
     there = in_order(time, column)
     displayed = reading_noise(column[there], time[there]) if np.count_nonzero(there) > _FEW else 0.0
-    if stated == 0.0 or displayed > READING.noisier * stated:
+    if stated == 0.0 or displayed > STATED.far_less * stated:
         return max(displayed, 1e-12)
     return stated
 

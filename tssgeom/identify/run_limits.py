@@ -16,9 +16,9 @@ from tssgeom.errors import SettingsError
 from tssgeom.identify.fit import Point
 from tssgeom.identify.prediction import run_channels
 from tssgeom.identify.readings import Reading
-from tssgeom.identify.screening import DETECTION
 from tssgeom.identify.waveform import FEWEST
 from tssgeom.rig import Rig, Sensor
+from tssgeom.statistics import EVIDENCE_SCALE
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,7 +147,7 @@ def top_speed(time: Vector, position: Vector) -> float:
     """Return the greatest speed of a run [m/s], over a few steps; `time` [n] s, `position` [n] m."""
     k = min(LIMITS.through, len(time) - 1)
     speeds = np.abs(position[k:] - position[:-k]) / (time[k:] - time[:-k])
-    return float(np.quantile(speeds, DETECTION.part))
+    return float(np.quantile(speeds, 1.0 - EVIDENCE_SCALE.false_alarms))
 
 
 def _check(limits: RunLimits, rig: Rig) -> None:

@@ -35,10 +35,6 @@ class DetectionLimits:
     """Of the typical size: size at which an effect is first tried [1]; chosen."""
     draws: int = 400
     """Clean campaigns that are sampled; chosen: 4 of them exceed the threshold."""
-    rate: float = 0.01
-    """Share of clean campaigns that may pass the threshold [1]; chosen."""
-    part: float = 0.99
-    """Share of readings that change by less than the size of a change [1]; chosen."""
     cell_N: float = 0.06
     """Detection limit of a tension that was not measured [N]; chosen."""
 
@@ -211,7 +207,7 @@ def threshold(problem: Problem, errors: Errors, screening: Screening, seed: int)
             score = test.column @ plotted / length
             gain = np.square(np.maximum(score, 0.0) if test.variant.positive else score)
             best = np.maximum(best, gain - len(test.variant.free) * math.log(problem.stack.size))
-    return max(float(np.quantile(best, 1.0 - DETECTION.rate)), EVIDENCE_SCALE.very_strong)
+    return max(float(np.quantile(best, 1.0 - EVIDENCE_SCALE.false_alarms)), EVIDENCE_SCALE.very_strong)
 
 
 def _clean(problem: Problem, errors: Errors, rng: np.random.Generator) -> Matrix:
@@ -273,8 +269,9 @@ def detection_limits(stack: Stack, rig: Rig) -> dict[str, float]:
 
 def size_over_limit(stack: Stack, change: Vector, limits: Mapping[str, float]) -> float:
     """Return the largest change of any channel over its detection limit [1]; `change` [rows] [N, m]."""
+    level = 1.0 - EVIDENCE_SCALE.false_alarms
     sizes = [
-        float(np.quantile(np.abs(change[block.rows]), DETECTION.part)) / limits[block.channel]
+        float(np.quantile(np.abs(change[block.rows]), level)) / limits[block.channel]
         for block in stack.blocks
     ]
     return max(sizes)

@@ -18,22 +18,21 @@ from tssgeom.route.error_posterior import GRID
 class Oscillation:
     """Which waves of the curvature are tried."""
 
-    fewest: float = 2.0
-    """Fewest half waves over the route [1]. Derived: bends that alternate are two at least."""
     lengths: int = 5
-    """Wave lengths from there to one half wave from point to point, each as likely. Chosen: a factor of 2.1
-    apart at most."""
-    forms: tuple[float, ...] = (math.pi / 4.0, 1.0, math.pi**2 / 8.0)
-    """Turn of bends that alternate over that of a sine of the same first harmonic, each as likely: at points
-    alone, a sine, arcs [1]. Derived; docs/model.md (254)."""
-    third: float = 1.0 / 27.0
-    """Third harmonic of the route over the first one, where arcs alternate [1]. Derived: 1/3 in
-    curvature, with a ninth of the displacement."""
+    """Wave lengths from two half waves over the route to one from point to point, each as likely. Chosen: a
+    factor of 2.1 apart at most."""
     coherent: float = 2.0
     """Waves over which amplitude and phase are alike [1]. Chosen: arcs that alternate differ in size."""
 
 
 OSCILLATION = Oscillation()
+_FEWEST = 2.0  # half waves over the route: bends that alternate are two at least
+_FORMS = (math.pi / 4.0, 1.0, math.pi**2 / 8.0)
+"""Turn of bends that alternate over that of a sine of the same first harmonic, each as likely: at points
+alone, a sine, arcs [1]; docs/model.md (254)."""
+_THIRD = 1.0 / 27.0
+"""Third harmonic of the route over the first one, where arcs alternate [1]: 1/3 in curvature, with a ninth of
+the displacement."""
 
 
 class Prior(NamedTuple):
@@ -67,9 +66,9 @@ def walk(order: int, turn: float) -> Prior:
 
 def oscillations(points: int) -> tuple[Prior, ...]:
     """Return curvature that oscillates, for each wave length that so many points may show; (229)."""
-    most = max(points - 1.0, OSCILLATION.fewest)
+    most = max(points - 1.0, _FEWEST)
     none = np.zeros((GRID.nodes, 0))
-    half_waves = np.geomspace(OSCILLATION.fewest, most, OSCILLATION.lengths)
+    half_waves = np.geomspace(_FEWEST, most, OSCILLATION.lengths)
     return tuple(Prior(_oscillating(float(one)), none, float(one)) for one in half_waves)
 
 
@@ -111,6 +110,6 @@ def form_of(
     if half_waves == 0.0:
         return np.ones(bend.shape[2])
     size = np.sqrt(2.0 * np.mean(np.sum(bend**2, axis=1), axis=0)) / (math.pi * half_waves) ** 2
-    visible = OSCILLATION.third * size * math.sqrt(0.5 * points) > CHANCE.clear * noise
+    visible = _THIRD * size * math.sqrt(0.5 * points) > CHANCE.clear * noise
     visible &= 3.0 * half_waves <= points - 1.0
-    return np.where(visible, 1.0, rng.choice(OSCILLATION.forms, bend.shape[2]))
+    return np.where(visible, 1.0, rng.choice(_FORMS, bend.shape[2]))

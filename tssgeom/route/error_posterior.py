@@ -44,9 +44,6 @@ class PosteriorGrid:
     """Least intensity of the curvature, times the length of the route [rad²]. Chosen: it turns by 2°."""
     sharpest: float = 3e3
     """Greatest one [rad²]. Chosen: the curvature changes by 50 rad over the route."""
-    orders: tuple[int, ...] = (3, 5)
-    """Derivatives of the route that may be white noise, each as likely. Derived: curvature that changes at
-    once, and one that is as smooth as the errors are."""
     sharper: float = 100.0
     """Intensity of the next derivative over that of the last one [1]. Derived: waves of 0.6 of the route."""
     intensities: int = 14
@@ -57,6 +54,9 @@ class PosteriorGrid:
 
 
 GRID = PosteriorGrid()
+_ORDERS = (3, 5)
+"""Derivatives of the route that may be white noise, each as likely: the curvature changes at once, or is as
+smooth as the errors are."""
 
 
 class ErrorPosterior(NamedTuple):
@@ -96,7 +96,7 @@ def _kernels() -> tuple[_Kernel, ...]:
     basis = np.linalg.qr(np.column_stack((np.ones_like(u), u, u * u)), mode="complete")[0]
     lengths = np.geomspace(GRID.shortest, GRID.longest, GRID.lengths)
     alike = [np.exp(-0.5 * ((u[:, None] - u) / length) ** 2) for length in lengths]
-    routes = [_integrated(u, order) for order in GRID.orders]
+    routes = [_integrated(u, order) for order in _ORDERS]
     none = ((route, np.zeros_like(route), -math.inf) for route in routes)
     with single_threaded():  # matrices are small
         return tuple(_kernel(*one, basis) for one in (*none, *product(routes, alike, GRID.sizes)))

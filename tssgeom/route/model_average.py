@@ -8,6 +8,7 @@ the bends, which fit as well where noise hides them, and over what curvature may
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Generator, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -44,11 +45,10 @@ class ModelAverage:
 
     straight_share: float = 0.1
     """First length of a straight piece beside a bend, of that bend [1]. Chosen: the fit moves it."""
-    largest_log_odds: float = 700.0
-    """Greatest ln of odds [1]. Derived: its exponential is still finite."""
 
 
 AVERAGE = ModelAverage()
+_MOST_LOG_ODDS = math.floor(math.log(sys.float_info.max))  # their exponential is finite
 
 
 class ChainModel(NamedTuple):
@@ -200,9 +200,7 @@ def probabilities(models: Sequence[ChainModel]) -> Vector:
     scale = 2.0 * evidence_scale(likeliest.parameters)
     log_odds = min(max(0.0, least), most) / scale
     log_odds = log_odds if likeliest.proven else min(log_odds, 0.0)
-    of_smooth, of_chains = (
-        1.0 / (1.0 + math.exp(min(one, AVERAGE.largest_log_odds))) for one in (log_odds, -log_odds)
-    )
+    of_smooth, of_chains = (1.0 / (1.0 + math.exp(min(one, _MOST_LOG_ODDS))) for one in (log_odds, -log_odds))
     return np.concatenate(([of_smooth], of_chains * model_probabilities(0.5 * difference)))
 
 
@@ -215,6 +213,6 @@ def with_turned(probability: Vector, turned: Sequence[Turned]) -> Vector:
     """
     evidence = np.array([one.log_evidence for one in turned])
     known = log_sum(np.delete(evidence, -2))
-    of_chains = np.log(np.maximum(probability[1:], math.exp(-AVERAGE.largest_log_odds)))
+    of_chains = np.log(np.maximum(probability[1:], math.exp(-_MOST_LOG_ODDS)))
     share = math.log(probability[0]) + evidence - known
     return model_probabilities(np.concatenate((share[-1:], of_chains, share[:-1])))

@@ -26,14 +26,6 @@ Value = TypeVar("Value")
 
 
 @dataclass(frozen=True, slots=True)
-class LengthLimits:
-    """Whether a known length and a sensed route can belong to each other."""
-
-    largest_error: float = 4.0
-    """Standard errors between both, above which the length is not used. Chosen: 6e-5 of normal errors."""
-
-
-@dataclass(frozen=True, slots=True)
 class AgreementLimits:
     """Whether a fitted route still follows its points."""
 
@@ -46,7 +38,6 @@ class AgreementLimits:
     """Standard error of Φ above which the fit is refused [rad]. Chosen: ten full loops."""
 
 
-LENGTH = LengthLimits()
 AGREEMENT = AgreementLimits()
 LOST = 2.0 * math.pi  # standard error of Φ from which a frame is no start for the next [rad]; chosen: a turn
 
@@ -204,7 +195,7 @@ def given_length(fit: RouteFit, length: float, noise: float) -> RouteFit:
     own = max(float(shared[:k].sum()), 0.0)
     variance = own + noise**2
     off, rounding = length - arcs.total_length, ROUNDING.relative * length
-    if abs(off) > LENGTH.largest_error * math.sqrt(variance) + rounding:
+    if abs(off) > CHANCE.rare * math.sqrt(variance) + rounding:
         return fit.warned(_length_warning(-off, length, math.sqrt(variance)))
     if own <= rounding**2:
         return fit

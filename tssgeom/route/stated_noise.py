@@ -13,11 +13,11 @@ from tssgeom.route.spline.fit import fit
 
 
 class StatedNoise(NamedTuple):
-    """When the points decide about their noise, not who states it."""
+    """When readings decide about their noise, not who states it."""
 
     far_less: float = 1.5
-    """Noise that the points have over the stated one, from which it is contradicted [1]; chosen: what is
-    nearer changes a bar by less than a half."""
+    """Noise that points, or the readings of a channel, have over the stated one, from which it is
+    contradicted [1]; chosen: what is nearer changes a bar by less than a half."""
 
 
 STATED = StatedNoise()

@@ -322,7 +322,7 @@ def outlier_weights(data, square, last):
 
 def outlier_limit(count, variance):
     """Return the square beyond which a residual of this variance, one of `count`, is an outlier."""
-    return (OUTLIERS.square + 2.0 * math.log(count)) * variance
+    return (CHANCE.rare**2 + 2.0 * math.log(count)) * variance
 
 
 def residual_variance(known, robust, spacing):

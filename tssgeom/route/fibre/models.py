@@ -63,11 +63,10 @@ class Effort:
     """Greatest change of its standard error that needs none, as a factor [1]."""
     draws: int = 256
     """Draws of the curvature."""
-    seed: int = 36
-    """Of their random numbers."""
 
 
 EFFORT = Effort()
+_SEED = 36  # of the draws
 
 
 class Kinds(NamedTuple):
@@ -288,7 +287,7 @@ def sampled(sensed: Sensed, kinds: Kinds, of: Noises) -> Draws:
 
 @lru_cache(maxsize=4)
 def _random_numbers(draws: int, sites: int) -> tuple[Matrix, Matrix]:
-    rng = np.random.default_rng(EFFORT.seed)
+    rng = np.random.default_rng(_SEED)
     return rng.random((draws, 2 * sites)), rng.standard_normal((draws, 8 * sites))
 
 

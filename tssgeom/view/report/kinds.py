@@ -29,7 +29,8 @@ class KindLimits:
     most_tried: int = 8
     """Widest intervals that are tried. chosen: the time stays linear in the inputs."""
     least_sd: float = 0.01
-    """Least standard deviation of the logarithms of L and noise and of Φ, of its median [1]. chosen: 1 %."""
+    """Least standard deviation of the logarithms of L and noise, of Φ over its median, and of the share of
+    frames that are rejected, or have warnings [1]. chosen: 1 %."""
 
 
 KIND_LIMITS = KindLimits()

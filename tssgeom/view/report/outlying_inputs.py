@@ -28,8 +28,6 @@ class OutlyingLimits:
     """Least standard deviation of a length or a tension, of its median [1]. chosen: no sensor has less."""
     least_log_noise_sd: float = 0.1
     """Least standard deviation of the logarithm of the noise [1]. chosen: 10 % of the noise."""
-    least_share_sd: float = 0.01
-    """Least standard deviation of the share of frames that are rejected, or have warnings [1]. chosen."""
 
 
 LIMITS = OutlyingLimits()
@@ -184,14 +182,14 @@ _FEATURES = (
     ),
     _Feature(
         lambda row: row["rejected"] / row["frames"],
-        lambda rows: LIMITS.least_share_sd,
+        lambda rows: KIND_LIMITS.least_sd,
         "rejected",
         lambda value: f"{100 * value:.3g} % of the frames",
         counted=True,
     ),
     _Feature(
         lambda row: row["warned"] / max(row["frames"] - row["rejected"], 1),
-        lambda rows: LIMITS.least_share_sd,
+        lambda rows: KIND_LIMITS.least_sd,
         _WARNINGS,
         lambda value: f"{100 * value:.3g} % of the frames",
         counted=True,
