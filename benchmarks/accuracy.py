@@ -13,17 +13,22 @@ import multiprocessing
 import os
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
 from dataclasses import dataclass
 from itertools import groupby
+from typing import NamedTuple
 
 import numpy as np
+from scipy.interpolate import make_smoothing_spline
 
 from benchmarks import machine, number, options_parser, share, table
-from benchmarks.fibres import CELLS, fibre_table
 from benchmarks.scores import METHODS, Outcome, Result, Summary, bound, details, matrix, run, summary
-from tests.known_routes import Cell, catalogue, quick, truth
+from tests.known_routes import Cell, catalogue, harmonic_course, quick, truth
+from tssgeom.arrays import Matrix, Vector
+from tssgeom.route.fibre.sensed import clean_fibre, fit_fibre
+from tssgeom.route.synthetic import Course, colon, setup_a
+from tssgeom.statistics import NORMAL_95
 
 _CHOSEN = "auto"
 _TIMES_BOUND = 1.3
@@ -165,7 +170,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the benchmark and return the exit code."""
     options = _options(arguments)
     chosen = [cell for cell in _cells(options) if options.cell.lower() in cell.title.lower()]
-    fibres = [cell for cell in CELLS if not options.quick and options.cell.lower() in cell.title.lower()]
+    fibres = [cell for cell in FIBRES if not options.quick and options.cell.lower() in cell.title.lower()]
     if not chosen and not fibres:
         print(f"no cell has {options.cell!r} in its name; see tests/known_routes.py")
         return 2
@@ -239,6 +244,71 @@ def _result(cell: Cell, parts: Sequence[dict[str, Outcome]], trials: int) -> Res
         shortest=0.0 if course is None else float(course.length.min() / course.total_length) * (cell.n - 1),
         summaries={name: summary([part[name] for part in parts], pieces) for name in METHODS},
     )
+
+
+_FIBRE_ROUTES: Mapping[str, Callable[[np.random.Generator], Course]] = {
+    "setup A": lambda _: setup_a(),
+    "colon": lambda _: colon(),
+    "harmonics": harmonic_course,
+}
+
+
+class FibreCell(NamedTuple):
+    """One route, sensed by a fibre."""
+
+    route: str
+    n: int
+    """Gratings, even from end to end."""
+    noise: float
+    """Standard deviation of a curvature component [1/m]."""
+    noise_known: bool
+
+    @property
+    def title(self) -> str:
+        """Group and name, which `--cell` searches."""
+        known = "" if self.noise_known else " unknown"
+        return f"fibre: {self.route} {self.n} gratings {self.noise:g}/m{known}"
+
+
+FIBRES = tuple(
+    FibreCell(route, n, 0.15, known)
+    for route in _FIBRE_ROUTES
+    for n, known in ((40, True), (120, True), (120, False))
+)
+
+
+def fibre_table(cells: Sequence[FibreCell], trials: int, *, markdown: bool) -> str:
+    """Return errors of Φ by the curvatures of fibres, in per cent, and how often its interval holds it."""
+    head = ["fibre", "raw rms", "GCV spline rms", "tssgeom rms", "bias [s.e.]", "95 % hold [%]"]
+    return table(head, [_fibre_row(cell, trials) for cell in cells], text_columns=1, markdown=markdown)
+
+
+def _fibre_row(cell: FibreCell, trials: int) -> list[str]:
+    errors = np.array([_fibre_errors(cell, trial) for trial in range(trials)])
+    raw, spline, ours = (f"{number(100.0 * float(np.sqrt(np.mean(x**2))))}" for x in errors.T[:3])
+    off = errors[:, 2] / errors[:, 3]
+    bias, held = f"{np.mean(off):+.2f}", share(float(np.mean(np.abs(off) <= NORMAL_95)))
+    return [cell.title.removeprefix("fibre: "), raw, spline, ours, bias, held]
+
+
+def _fibre_errors(cell: FibreCell, trial: int) -> tuple[float, float, float, float]:
+    """Errors of Φ by raw curvatures, by a spline and by this project, and its standard error, over Φ."""
+    rng = np.random.default_rng([FIBRES.index(cell), trial])
+    course = _FIBRE_ROUTES[cell.route](rng)
+    s = np.linspace(0.0, course.total_length, cell.n)
+    edge = np.concatenate(([0.0], np.cumsum(course.length)))
+    piece = np.clip(np.searchsorted(edge, s, side="right") - 1, 0, len(course.length) - 1)
+    bend = course.bend[piece] + cell.noise * rng.standard_normal((cell.n, 2))
+    fine = np.linspace(0.0, course.total_length, 2000)
+    smooth = np.column_stack([make_smoothing_spline(s, one)(fine) for one in bend.T])
+    arcs = fit_fibre(clean_fibre(bend, s), cell.noise if cell.noise_known else None).fit.arcs
+    angles = np.array([_turned(s, bend), _turned(fine, smooth), arcs.total_angle])
+    raw, spline, ours = (angles - course.total_angle) / course.total_angle
+    return float(raw), float(spline), float(ours), arcs.total_angle_se / course.total_angle
+
+
+def _turned(s: Vector, bend: Matrix) -> float:
+    return float(np.trapezoid(np.linalg.norm(bend, axis=1), s))
 
 
 if __name__ == "__main__":

@@ -18,9 +18,6 @@ if TYPE_CHECKING:
     from tssgeom.tendon.commander import Policy
     from tssgeom.tendon.machine import Machine
 
-MOST_PLOTTED = 400
-"""Moments of a run in its picture; chosen: as many as of one tendon."""
-
 
 def simulate_machine(
     shapes: Path,
@@ -118,12 +115,13 @@ def _write_figures(folder: Path | None, title: str, run: MeasuredRun, done: Mach
 
 
 def _write_picture(path: Path, name: str, sensed: SensedRoute, done: MachineChannels) -> None:
+    from tssgeom.summary import LIMITS as SUMMARY
     from tssgeom.view.samples import evenly, route_samples
     from tssgeom.view.scene.machine import write_machine_recording
 
     path.parent.mkdir(parents=True, exist_ok=True)
     assert done.tension is not None
-    at = evenly(len(done), MOST_PLOTTED)
+    at = evenly(len(done), SUMMARY.kept)
     routes = [route_samples(sensed.results[0])] * done.machine.count
     channels = {channel: values[at] for channel, values in done.channels.items()}
     time = channels.pop("time_s")

@@ -26,6 +26,7 @@ from tssgeom.plausibility.runs import run_remarks
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
 from tssgeom.stream import FrameResult
+from tssgeom.summary import LIMITS as SUMMARY
 from tssgeom.tendon.history import last_peak
 from tssgeom.tendon.moving import MovingRoute
 from tssgeom.tendon.simulation import Moment
@@ -34,8 +35,6 @@ from tssgeom.view.samples import evenly
 Row = TypeVar("Row")
 
 TEMPERATURE = "temperature_C"
-MOST_PLOTTED = 400
-"""Moments of a run in its picture, evenly spread; chosen: as many as a batch keeps of a recording."""
 
 
 @contextmanager
@@ -191,7 +190,7 @@ def write_run_recording(path: Path, sensed: SensedRoute, run: MeasuredRun, momen
     from tssgeom.view.scene.recording import write_recording
 
     path.parent.mkdir(parents=True, exist_ok=True)
-    results = [_result_at(sensed, run, moments[k], int(k)) for k in evenly(len(moments), MOST_PLOTTED)]
+    results = [_result_at(sensed, run, moments[k], int(k)) for k in evenly(len(moments), SUMMARY.kept)]
     write_recording(path, f"{sensed.name} driven by {run.name}", results, timed=True)
 
 

@@ -9,13 +9,12 @@ from tssgeom.adapt.followed_tendon import FollowedTendon
 from tssgeom.adapt.follower import Follower
 from tssgeom.adapt.readings import Readings
 from tssgeom.adapt.rig_filter import RigFilter
+from tssgeom.core.constants_tendon import BAR
 from tssgeom.errors import SettingsError, TssgeomError
 from tssgeom.tendon.command import Command
 from tssgeom.tendon.command_error import DistalErrors, Step
 from tssgeom.tendon.commander import Commander, Given, Measured, Target
 from tssgeom.tendon.state import TendonState
-
-_FIRST_SPAN = 1.0  # s that the first step of a tendon counts as; chosen: as for a run
 
 
 def moved(
@@ -119,5 +118,5 @@ def _taken(follower: Follower, before: TendonState, at: Step, readings: Readings
     drive = used.tension_in if used.by_force else used.displacement_in
     if not used.commanded or drive is None:
         drive = now.drive_value(used.by_force)
-    span = _FIRST_SPAN if math.isnan(since) else at.time - since
+    span = BAR.untimed if math.isnan(since) else at.time - since
     return carried.state(now, known, drive, used.by_force, span)

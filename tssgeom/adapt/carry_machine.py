@@ -13,6 +13,7 @@ from tssgeom.adapt.followed_tendon import with_filter
 from tssgeom.adapt.follower import Follower
 from tssgeom.adapt.machine_filter import MachineFilter
 from tssgeom.adapt.machine_readings import MachineReadings
+from tssgeom.core.constants_tendon import BAR
 from tssgeom.errors import SettingsError, TssgeomError
 from tssgeom.mechanism import per_motor_angle
 from tssgeom.rig import Rig
@@ -31,8 +32,6 @@ from tssgeom.tendon.machine_stream import (
     first_tendon,
     held_drive,
 )
-
-_FIRST_SPAN = 1.0  # s that the first step of a machine counts as; chosen: as of one that is not followed
 
 
 def moved(
@@ -84,7 +83,7 @@ def moved(
         return _taken(follower, before, MachineReadings({**measured, **held}, commanded=True), at, None)
     rest = MachineReadings({**measured, "motor_angle_rad": 0.0}, commanded=True)
     now, carried = _filter(follower, at, rest, before)
-    stands = before if before.history is not None else carried.state(now, before.way, at.time - _FIRST_SPAN)
+    stands = before if before.history is not None else carried.state(now, before.way, at.time - BAR.untimed)
     command = _commanded(follower, commander, stands, measured, target, at, elapsed)
     done = MachineReadings({**measured, "motor_angle_rad": command.motor_angle}, commanded=True)
     return _taken(follower, before, done, at, command)
