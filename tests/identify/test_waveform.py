@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from tssgeom.identify.waveform import FEWEST, Range, Waveform, course_of, random_waveform, varied_waveform
+from tssgeom.identify.waveform import Range, Waveform, course_of, random_waveform, varied_waveform
+from tssgeom.plausibility.limits import LIMITS
 
 WITHIN = Range(rest=0.0, low=-5e-4, high=4e-3, speed=3e-3, duration=60.0, interval=0.02, samples=300)
 
@@ -18,7 +19,7 @@ def test_random_and_varied_drives_keep_every_limit():
             continue
         made += 1
         step = np.diff(course.time)
-        assert FEWEST <= len(course.time) <= WITHIN.samples
+        assert LIMITS.fewest_rows <= len(course.time) <= WITHIN.samples
         assert course.time[-1] <= WITHIN.duration * (1.0 + 1e-9)
         assert step.min() >= WITHIN.interval * (1.0 - 1e-9)
         assert np.abs(np.diff(course.drive) / step).max() <= WITHIN.speed * (1.0 + 1e-9)

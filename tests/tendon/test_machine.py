@@ -11,8 +11,9 @@ from tssgeom.errors import SettingsError
 from tssgeom.mechanism import Drive, End, tip
 from tssgeom.rig import Friction, Rig, Sensor, Tendon
 from tssgeom.route.pieces import Arcs
-from tssgeom.tendon.machine import BARS, HALVINGS, Start, at_rest, held_tensions, machine_of, play
+from tssgeom.tendon.machine import BARS, Start, at_rest, held_tensions, machine_of, play
 from tssgeom.tendon.machine_simulation import simulate_machine as simulate
+from tssgeom.tendon.state import HALVINGS
 
 PI, MU, RHO = math.pi, 0.145, 3.16e-4
 R, K = 0.01, 0.2

@@ -16,7 +16,7 @@ from tssgeom.errors import SettingsError
 from tssgeom.identify.fit import Point
 from tssgeom.identify.prediction import run_channels
 from tssgeom.identify.readings import Reading
-from tssgeom.identify.waveform import FEWEST
+from tssgeom.plausibility.limits import LIMITS as PLAUSIBLE
 from tssgeom.rig import Rig, Sensor
 from tssgeom.statistics import EVIDENCE_SCALE
 
@@ -163,8 +163,8 @@ def _check(limits: RunLimits, rig: Rig) -> None:
             f"limits forbid every run: least_tension_N={limits.least_tension_N:g} is above the pretension "
             f"{rest:g} N, from which runs begin: allow less with --limits least_tension_N=…"
         )
-    if limits.duration_s < FEWEST * limits.interval_s:
+    if limits.duration_s < (fewest := PLAUSIBLE.fewest_rows) * limits.interval_s:
         raise SettingsError(
-            f"limits forbid every run: duration_s={limits.duration_s:g} is less than {FEWEST} samples of "
+            f"limits forbid every run: duration_s={limits.duration_s:g} is less than {fewest} samples of "
             f"{limits.interval_s:.3g} s: allow more with --limits duration_s=…"
         )

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tssgeom.arrays import Vector
+from tssgeom.plausibility.limits import LIMITS as PLAUSIBLE
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,9 +38,6 @@ class WaveformSettings:
 
 WAVEFORM = WaveformSettings()
 _FEWEST_LEVELS = 2  # of one cycle; derived: up and down
-
-FEWEST = 20
-"""Samples of the shortest run; derived: `discover` uses runs of so many readings."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,7 +190,8 @@ def _sampled(levels: Vector, legs: Vector, dwells: Vector, within: Range) -> Cou
         if dwell:
             at.append(at[-1] + int(dwell))
             value.append(float(level))
-    if not FEWEST <= at[-1] + 1 <= within.samples or at[-1] * step > within.duration * (1.0 + 1e-9):
+    fits = at[-1] * step <= within.duration * (1.0 + 1e-9)
+    if not (fits and PLAUSIBLE.fewest_rows <= at[-1] + 1 <= within.samples):
         return None
     time = np.asarray(step * np.arange(at[-1] + 1), dtype=np.float64)
     corners, values = step * np.array(at, dtype=np.float64), np.array(value, dtype=np.float64)

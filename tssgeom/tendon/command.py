@@ -11,6 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from tssgeom.core.constants_tendon import SOLVER
 from tssgeom.errors import SettingsError
 from tssgeom.plausibility.frames import require_command
 from tssgeom.result import Result
@@ -35,8 +36,6 @@ from tssgeom.tendon.state import (
     transmit,
 )
 
-ACCURACY = 1e-10
-"""Distal tension that counts as reached, relative to the greater of target and present tension [1]."""
 _WIDENINGS = 40  # of the range in which a drive is sought
 _LEAST_REACH = 1e-3  # of the tension, to begin with
 _FIRST_REACH = 1e-6  # m
@@ -114,7 +113,7 @@ class _Move:
     def error(self, answer: TendonState) -> float:
         """Return distal tension less target [N], zero where that is rounding."""
         error = answer.tension_out - self.target
-        return 0.0 if abs(error) <= ACCURACY * max(answer.tension_out, self.target) else error
+        return 0.0 if abs(error) <= SOLVER.accuracy * max(answer.tension_out, self.target) else error
 
 
 def compensate(

@@ -17,11 +17,10 @@ from tssgeom.rig import Rig, with_values
 from tssgeom.route.pieces import Arcs
 from tssgeom.route.resolution import NO_ERRORS, SharedErrors
 from tssgeom.statistics import NORMAL_95
-from tssgeom.tendon.state import TendonState, corners, pretensioned, step, transmit
+from tssgeom.tendon.state import UNCHANGED, TendonState, corners, pretensioned, step, transmit
 from tssgeom.tendon.transmission import Transmission, elongation_slopes
 from tssgeom.uncertain import Uncertain
 
-_MOVED = 1e-4  # change of the distal tension that is rounding [1]; chosen, as for (161)
 _OF_ONE_TENDON = (
     "friction.",
     "tendon.",
@@ -78,7 +77,7 @@ def route_errors(
     """
     per_N = 1.0 / rig.load.stiffness_N_per_m if rig.load.stiffness_N_per_m > 0.0 else 0.0
     tension_in, tension_out = ends.tension_in, ends.tension_out
-    stays = before.route is not None and abs(tension_out - before.tension_out) <= _MOVED * tension_out
+    stays = before.route is not None and abs(tension_out - before.tension_out) <= UNCHANGED * tension_out
     if stays and kept is not None:
         return kept
     if stays and (error := before.tension_out_se) > 0.0:

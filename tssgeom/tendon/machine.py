@@ -19,9 +19,10 @@ from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.bars.contact_grid import discretise, equal_edges
 from tssgeom.tendon.bars.model import check_compliance, setup_of
 from tssgeom.tendon.bars.plant import Memory, Plant, crept, memory_of, plant
+from tssgeom.tendon.state import HALVINGS
 
-BARS, HALVINGS = 16, 4
-"""Bars of each tendon, the outermost ones halved so often: a held end is known to half of the last bar."""
+BARS = 16
+"""Bars of each tendon, the outermost ones halved: a held end is known to half of the last bar."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,10 +12,11 @@ from tssgeom.errors import SettingsError
 from tssgeom.mechanism import coordinates
 from tssgeom.rig import Rig
 from tssgeom.tendon.bars.plant import Memory
-from tssgeom.tendon.machine import BARS, HALVINGS, MachineState
+from tssgeom.tendon.machine import BARS, MachineState
 from tssgeom.tendon.machine_history import DriveName, MachineHistory, Turning
 from tssgeom.tendon.machine_stream import CarriedMachine
 from tssgeom.tendon.saved import VERSION, numbers, require, route_object, route_of
+from tssgeom.tendon.state import HALVINGS
 
 KIND = "machine"
 """Kind of the objects that `machine_object` writes."""

@@ -29,7 +29,7 @@ HALVINGS = 4
 """The first bar is halved so often: just after a reversal T_in is known to half of that bar."""
 MOST_FRICTION = 500.0
 """μΦ whose exponential can still be squared [1]."""
-_KEPT = 1e-4  # change of the distal tension in one step that is rounding [1]; chosen
+UNCHANGED = 1e-4  # change of the distal tension in one step that is rounding [1]; chosen
 SHARPER = 0.5  # of the old standard error of Φ: a route known so much better replaces it [1]; chosen
 
 
@@ -318,7 +318,7 @@ def _keeps_tension_out(before: TendonState, now: TendonState, rig: Rig, stands: 
             return False
         if abs(end_slope(along, route_of(now))) >= AT_LIMIT * rig.friction.coefficient:
             return False
-    return abs(now.tension_out - before.tension_out) <= _KEPT * now.tension_out
+    return abs(now.tension_out - before.tension_out) <= UNCHANGED * now.tension_out
 
 
 def _compared(state: TendonState, arcs: Arcs) -> tuple[Arcs, bool]:
