@@ -140,9 +140,11 @@ def search(
     return now
 
 
-def derivatives(problem: Problem[Any], u: Vector, left: Vector, first: int = 0) -> Matrix:
-    """Return derivatives of the whitened residuals by the numbers from the `first` on, one-sided."""
-    return _result(_differences(problem, u, left, first))
+def derivatives(
+    problem: Problem[Any], u: Vector, left: Vector, first: int = 0, end: int | None = None
+) -> Matrix:
+    """Return derivatives of the whitened residuals by the numbers from `first` to before `end`, one-sided."""
+    return _result(_differences(problem, u, left, first, end))
 
 
 def _result(work: Generator[None, None, Result]) -> Result:
@@ -155,10 +157,11 @@ def _result(work: Generator[None, None, Result]) -> Result:
 
 
 def _differences(
-    problem: Problem[Any], u: Vector, left: Vector, first: int = 0
+    problem: Problem[Any], u: Vector, left: Vector, first: int = 0, end: int | None = None
 ) -> Generator[None, None, Matrix]:
-    slope = np.zeros((len(left), len(u) - first))
-    for k in range(first, len(u)):
+    last = len(u) if end is None else end
+    slope = np.zeros((len(left), last - first))
+    for k in range(first, last):
         slope[:, k - first] = yield from _column(problem, u, left, k)
     return problem.whitened(slope)
 

@@ -201,3 +201,20 @@ def test_friction_that_falls_acts_behind_contacts_that_stand(over):
     # friction by speed cuts a step after a turn; contacts that are taken for at rest are 0.18 N off and more
     assert alone["tension_in_N"] == pytest.approx(balanced["tension_in_N"], abs=0.02)
     assert alone["tension_out_N"] == pytest.approx(balanced["tension_out_N"], abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    "law",
+    [
+        friction("travel", (0.0, 0.01, 0.03), (1.2, 1.0, 0.8)),
+        friction("time", (0.0, 20.0, 40.0), (1.2, 1.0, 0.8)),
+        FrictionLaw(over="speed", x=(0.0, 5e-4, 1e-3), factor=(1.2, 1.0, 0.8), memory_s=0.05),
+    ],
+    ids=["travel", "time", "speed"],
+)
+def test_friction_that_follows_from_the_steps_before_needs_no_second_pass(law):
+    one = predict(RUN, ROUTE, RIG, (law,))
+    bent = ToeRegion(strain=1e-15, scale_N=1.0)  # its stretch is curved, so that passes go on
+    several = predict(RUN, ROUTE, RIG, (law, bent))
+    for name in ("tension_in_N", "tension_out_N"):
+        np.testing.assert_allclose(one[name], several[name], rtol=0.0, atol=1e-9)

@@ -5,6 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+import threadpoolctl
 
 from tests.campaigns import make_campaign
 from tssgeom.identify.campaign import Campaign, Route, Run
@@ -53,3 +54,25 @@ def result(campaign):
         return discover(campaign(seed, effect, size, plan)[0])
 
     return finding
+
+
+class StoppedError(Exception):
+    """The work has gone as far as a test needs it."""
+
+
+@pytest.fixture
+def library_threads():
+    """How many threads the libraries of linear algebra may use in the first step of a work."""
+
+    def counted(work):
+        counts = []
+
+        def progress(step, share):
+            counts.extend(one["num_threads"] for one in threadpoolctl.threadpool_info())
+            raise StoppedError
+
+        with threadpoolctl.threadpool_limits(limits=2), pytest.raises(StoppedError):
+            work(progress)
+        return set(counts)
+
+    return counted

@@ -123,3 +123,7 @@ def test_traces_hold_every_run_with_its_phases_and_the_tension_along_the_route(r
         assert set(np.unique(trace.phase)) <= set(range(len(PHASES)))
     assert finding.heat.power.shape == (len(finding.heat.rows), len(finding.heat.columns))
     assert isinstance(finding.rig, Rig)
+
+
+def test_threads_do_not_wait_for_each_other_over_small_matrices(campaign, library_threads):
+    assert library_threads(lambda progress: discover(campaign(4)[0], progress=progress)) == {1}

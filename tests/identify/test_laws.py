@@ -11,12 +11,13 @@ from tests.bristle.laws import STEP
 from tssgeom.effects import ChannelLag, CreepLaw, FrictionLaw, SensorLaw, StretchLaw
 from tssgeom.identify.fit import Point, base_fit
 from tssgeom.identify.law_finding import curve
-from tssgeom.identify.law_fit import LAW_FIT, Term, fitted, score, straight_model, with_terms
+from tssgeom.identify.law_fit import LAW_FIT, Added, Term, fitted, score, straight_model, with_terms
 from tssgeom.identify.law_search import Offer, in_order
 from tssgeom.identify.mechanisms import mechanisms
 from tssgeom.identify.readings import readings
 from tssgeom.identify.workflow import discover
 from tssgeom.io.formats.campaigns import read_campaign
+from tssgeom.least_squares import SOLVER
 
 
 @pytest.fixture(scope="module")
@@ -64,7 +65,7 @@ def test_a_law_is_fitted_with_a_band_that_holds_the_truth(problem, campaign):
     truth = campaign(1, "rough_stretch")[1]
     start = fitted(given, base.at, ())
     one = named(given, "friction_over_arc_length")
-    promised, term = score(given, start, one)
+    promised, term, _ = score(given, start, one)
     fit = fitted(given, base.at, (term,))
     gain = 2.0 * (fit.log_evidence - start.log_evidence)
     assert gain > 1e4
@@ -73,6 +74,29 @@ def test_a_law_is_fitted_with_a_band_that_holds_the_truth(problem, campaign):
     law = curve(fit, 0)
     smooth = law.x < 0.3 * truth.length_m  # before any edge of the stretch
     assert np.mean((law.low <= truth.friction) & (truth.friction <= law.high), where=smooth) > 0.9
+
+
+def test_a_first_fit_of_a_law_takes_the_derivatives_that_are_known(problem):
+    given, _, base = problem
+    start = fitted(given, base.at, ())
+    promised = score(given, start, named(given, "friction_over_arc_length"))
+    runs = []
+
+    def predict(at):
+        runs.append(at)
+        return given.target - given.left(at)
+
+    counted = replace(given, predict=predict)
+    before, size = start.jacobian, promised.term.mechanism.size
+    added = Added(before, before.shape[1], promised.columns)
+    gains, evaluations = [], []
+    for shared in (None, added):
+        runs.clear()
+        fit = fitted(counted, base.at, (promised.term,), SOLVER.quick, shared)
+        gains.append(fit.log_evidence - start.log_evidence)
+        evaluations.append(len(runs))
+    assert evaluations[0] - evaluations[1] >= size + 2 * before.shape[1]
+    assert gains[1] == pytest.approx(gains[0], rel=0.1)  # it ranks candidates
 
 
 def test_what_a_part_does_for_held_out_runs_counts_like_what_it_does_for_fitted_ones(problem):

@@ -221,3 +221,8 @@ def test_what_the_rig_says_is_unknown_has_no_nominal_value():
     unknown = Uncertain("friction.coefficient", UNKNOWNS["friction.coefficient"], stated=False)
     campaign = MachineCampaign("bench", rig(1), (unknown,), ())
     assert replace(work_of_play(), campaign=campaign).nominal == {"compliance_per_N": RHO}
+
+
+def test_threads_do_not_wait_for_each_other_over_small_matrices(library_threads):
+    bench = MachineCampaign("bench", rig(1), (), ())
+    assert library_threads(lambda progress: discover_machine(bench, progress=progress)) == {1}

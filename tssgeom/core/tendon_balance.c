@@ -273,7 +273,9 @@ double balance(
     int64_t k = laws->k, last_bar = k;
     creep_shares shares[CREEPS];
     for (int e = 0; e < CREEPS; e++) shares[e] = creep_after(span / laws->creep_time[e]);
+    int by_movement = laws->by_speed && !(laws->late && laws->speed_gain == 0.0);
     int hanging = laws->load == 0.0, one_pass = !(laws->curved || laws->varied);
+    int straight = !(laws->curved || laws->loaded || by_movement); /* a pass that balances is the last */
     c->rigid_in = !by_force && laws->soft[0] == 0.0 && laws->toe[0] == 0.0;
     c->rigid_out = laws->load == INFINITY && laws->soft[last_bar] == 0.0 && laws->toe[last_bar] == 0.0;
     c->shift = c->rigid_in ? target - memory->displacement[0] : 0.0;
@@ -309,7 +311,7 @@ double balance(
             change = most(fabs(c->tension[j] - room->about[j]), change);
             accepted = most(accepted, ROUNDING.relative * c->tension[j]); /* docs/model.md (250) */
         }
-        if (one_pass || (change <= 0.1 * accepted && residual <= accepted)) break;
+        if (one_pass || (residual <= accepted && (straight || change <= 0.1 * accepted))) break;
         /* after a while it swings from side to side of a bend in some law */
         int full = done < SOLVER.full_passes;
         for (int64_t j = 0; j <= k; j++)
@@ -317,5 +319,5 @@ double balance(
         for (int64_t i = 0; i < k; i++) room->moved[i] = full ? c->w[i] : 0.5 * (room->moved[i] + c->w[i]);
     }
     if (!(residual <= accepted) || !keep(laws, memory, c, shares, span)) return INFINITY;
-    return one_pass ? 0.0 : change * (SOLVER.accepted / accepted);
+    return straight ? 0.0 : change * (SOLVER.accepted / accepted);
 }

@@ -226,6 +226,7 @@ def posed_about(problem: Problem, at: Point) -> LeastSquares[Point]:
         step=step,
         longest=longest,
         whitened=problem.whitening.whitened,
+        close=SOLVER.converged / problem.stack.size,  # standard errors grow with what is left, (115)
     )
 
 
@@ -278,14 +279,24 @@ def whitening(errors: Errors) -> Whitening:
 def base_fit(readings: Sequence[Reading], rig: Rig) -> tuple[Problem, Errors, Fit]:
     """Fit friction and compliance to the runs; errors and bars are those of a first fit.
 
-    A first fit without shared errors is tried too, and the better of both counts; (247).
+    A first fit without shared errors is tried too, and the better of both counts; (247). Two first fits that
+    end within a standard error of each other are one.
     """
     stack = stacked(readings)
     start = Point(max(rig.friction.coefficient, 1e-3), rig.tendon.compliance_per_N)
     first, errors = posed(stack, rig, start)
     alone = replace(first, whitening=unshared(errors.sigma))
-    fits = (_fitted_again(refined(each, start).at, stack, rig) for each in (first, alone))
-    return min(fits, key=lambda each: each[2].chi2)
+    fits = [refined(each, start) for each in (first, alone)]
+    if _is_near(*fits):
+        del fits[1]
+    return min((_fitted_again(each.at, stack, rig) for each in fits), key=lambda each: each[2].chi2)
+
+
+def _is_near(fit: Fit, other: Fit) -> bool:
+    """Whether friction and compliance of another fit are within a standard error of one."""
+    pairs = ((other.at.friction, fit.at.friction), (other.at.compliance, fit.at.compliance))
+    off = np.array([math.log(there / here) for there, here in pairs])
+    return float(off @ np.linalg.solve(fit.covariance, off)) < 1.0
 
 
 def _fitted_again(at: Point, stack: Stack, rig: Rig) -> tuple[Problem, Errors, Fit]:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -91,8 +92,19 @@ def with_terms(at: Point, terms: Sequence[Term]) -> Point:
     return replace(at, effects=(*at.effects, *(term.mechanism.effect(term.u) for term in terms)))
 
 
-def score(problem: Problem, base: LawFit, mechanism: Mechanism) -> tuple[float, Term] | None:
-    """Return how much a law promises by straight lines, 2 Δ ln Z [1], and its start; None without."""
+class Score(NamedTuple):
+    """What straight lines promise of a law."""
+
+    gain: float
+    """2 Δ ln Z [1]."""
+    term: Term
+    """Where its fit starts."""
+    columns: Matrix
+    """[rows + k, numbers] Derivatives of the whitened prediction by its numbers there [1]."""
+
+
+def score(problem: Problem, base: LawFit, mechanism: Mechanism) -> Score | None:
+    """Return what a law promises on top of a model by straight lines; None where it changes nothing."""
     start = Term(mechanism, np.zeros(mechanism.size), LAW_FIT.roughness[0])
     laws = _Laws(problem, base.at, (*base.terms, start))
     own = -derivatives(laws.posed(), laws.start, base.left, base.jacobian.shape[1])
@@ -107,23 +119,56 @@ def score(problem: Problem, base: LawFit, mechanism: Mechanism) -> tuple[float, 
         if best is None or evidence > best[0]:
             best = evidence, term
     assert best is not None
-    return 2.0 * (best[0] - base.log_evidence), best[1]
+    return Score(2.0 * (best[0] - base.log_evidence), best[1], own)
 
 
-def fitted(problem: Problem, at: Point, terms: Sequence[Term], passes: int = LAW_FIT.whole) -> LawFit | None:
+class Added(NamedTuple):
+    """One part on top of a fitted model whose derivatives a quick fit takes over."""
+
+    before: Matrix
+    """[rows + k, numbers] Those of the model, of its prediction [1]."""
+    first: int
+    """Position of the first number of the part."""
+    columns: Matrix | None = None
+    """Those of the part at the start, where they are known."""
+
+
+def fitted(
+    problem: Problem,
+    at: Point,
+    terms: Sequence[Term],
+    passes: int = LAW_FIT.whole,
+    added: Added | None = None,
+) -> LawFit | None:
     """Fit a model with laws from a start; None where it finds no equilibrium near it.
 
-    The derivatives are those of the last pass but one; `passes` is how often they are taken.
+    The derivatives are those of the last pass but one; `passes` is how often they are taken, with what was
+    `added` only those of its numbers.
     """
     for _ in range(LAW_FIT.halvings):
         laws = _Laws(problem, at, tuple(terms))
-        end = solve(laws.posed(), laws.start, passes if terms or at.free else 0)
+        posed = laws.posed() if added is None else _sharing(laws.posed(), added)
+        end = solve(posed, laws.start, passes if terms or at.free else 0)
         if end is not None:
             return laws.fit(end)
         if not terms:
             break
         terms = (*terms[:-1], replace(terms[-1], u=0.5 * terms[-1].u))  # nearer to no law
     return None
+
+
+def _sharing(plain: LeastSquares[None], added: Added) -> LeastSquares[None]:
+    """Return a fit that takes derivatives of the added part alone, and those not where they are known."""
+    known, held = added.columns, -added.before
+
+    def jacobian(now: Solution[None]) -> Matrix:
+        nonlocal known
+        end = len(now.u) - held.shape[1] + added.first
+        of_part = derivatives(plain, now.u, now.left, added.first, end) if known is None else -known
+        known = None
+        return np.column_stack([held[:, : added.first], of_part, held[:, added.first :]])
+
+    return replace(plain, jacobian=jacobian)
 
 
 @dataclass(slots=True)
@@ -175,6 +220,7 @@ class _Laws:
             step=longer(named.step, none + SOLVER.coarse_step),
             longest=longer(named.longest, none + 0.5 * LAW_FIT.level),
             whitened=self.problem.whitening.whitened,
+            close=named.close,
         )
 
     def fit(self, end: Solution[None]) -> LawFit:

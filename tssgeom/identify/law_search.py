@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from tssgeom.errors import FitError, SettingsError
 from tssgeom.identify.fit import Fit, Point, Problem, explained, freed
-from tssgeom.identify.law_fit import LawFit, Term, fitted, score
+from tssgeom.identify.law_fit import Added, LawFit, Score, Term, fitted, score
 from tssgeom.identify.mechanisms import MECHANISM_OF, Mechanism, mechanisms
 from tssgeom.identify.misfit import HeldOut
 from tssgeom.identify.prediction import FINE, simulated
@@ -174,14 +175,15 @@ def _offers(
     """Return the best laws and formulae on top of a model, the best first, each judged."""
     has = {term.mechanism.name for term in now.terms} | {name_of(effect) for effect in now.at.effects}
     scored = [score(problem, now, one) for one in everything if one.name not in has]
-    best = sorted((one for one in scored if one is not None), key=lambda one: -one[0])[: LAW_SEARCH.fitted]
-    starts = [("", now.at, (*now.terms, term), term.mechanism.name) for gain, term in best if gain > 0.0]
+    best = sorted((one for one in scored if one is not None), key=lambda one: -one.gain)[: LAW_SEARCH.fitted]
+    starts = [_law_start(now, one) for one in best if one.gain > 0.0]
     starts += _formula_starts(problem, now, [one for one in formulas if one.name not in has])
     offers = list[Offer]()
-    for name, at, terms, mechanism in starts:
-        fit = fitted(problem, at, terms, SOLVER.quick)
+    for start in starts:
+        fit = fitted(problem, start.at, start.terms, SOLVER.quick, start.added)
         if fit is not None:
-            offers.append(Offer(mechanism, name, fit, 2.0 * (fit.log_evidence - now.log_evidence)))
+            gain = 2.0 * (fit.log_evidence - now.log_evidence)
+            offers.append(Offer(start.mechanism, start.name, fit, gain))
     offers.sort(key=lambda one: -one.gain)
     judged = [_judged(problem, base, now, one, held, limits) for one in offers[: LAW_SEARCH.fitted]]
     rest = [replace(one, veto=LESS) for one in offers[LAW_SEARCH.fitted :]]
@@ -201,13 +203,27 @@ def in_order(judged: Sequence[Offer]) -> list[Offer]:
     return ([] if first is None else [first]) + sorted([*others, *vetoed], key=lambda one: -one.gain)
 
 
-def _formula_starts(
-    problem: Problem, now: LawFit, formulas: Sequence[Variant]
-) -> list[tuple[str, Point, tuple[Term, ...], str]]:
+class _Start(NamedTuple):
+    """Where the fit of one part on top of a model starts."""
+
+    mechanism: str
+    name: str
+    """Of the formula; empty of a free law."""
+    at: Point
+    terms: tuple[Term, ...]
+    added: Added
+
+
+def _law_start(now: LawFit, one: Score) -> _Start:
+    added = Added(now.jacobian, now.jacobian.shape[1], one.columns)
+    return _Start(one.term.mechanism.name, "", now.at, (*now.terms, one.term), added)
+
+
+def _formula_starts(problem: Problem, now: LawFit, formulas: Sequence[Variant]) -> list[_Start]:
     """Return the formulae that promise most by straight lines, each in its best variant."""
     tests = sorted(screening(problem, as_fit(now), formulas).tests, key=lambda test: -test.gain)
     length = max(reading.route.arcs.total_length for reading in problem.stack.readings)
-    out, named = list[tuple[str, Point, tuple[Term, ...], str]](), set[str]()
+    out, named = list[_Start](), set[str]()
     for test in tests:
         name = test.variant.name
         if name in named or len(named) >= LAW_SEARCH.fitted:
@@ -218,7 +234,8 @@ def _formula_starts(
         effect = test.variant.sized(amplitude)
         free = freed(effect, len(now.at.effects), length, test.variant.free)
         at = replace(now.at, effects=(*now.at.effects, effect), free=(*now.at.free, *free))
-        out.append((name, at, now.terms, MECHANISM_OF[name]))
+        added = Added(now.jacobian, now.at.size)
+        out.append(_Start(MECHANISM_OF[name], name, at, now.terms, added))
     return out
 
 

@@ -31,6 +31,7 @@ from tssgeom.identify.machine_run import LIMITS, MachineRun, thinned
 from tssgeom.identify.machine_selection import PartSelection, selected_parts, without_zeros
 from tssgeom.statistics import EVIDENCE_SCALE, turns
 from tssgeom.tendon.machine_simulation import drive_channels
+from tssgeom.threads import single_threaded
 
 _SPLIT = 2
 """Pairs of pieces into which a run without two cycles is cut; chosen: quarters."""
@@ -60,9 +61,10 @@ def discover_machine(
     Source: docs/model.md (196) to (198).
     """
     begun = time.perf_counter()
-    work, notes = machine_work(campaign, progress)
-    progress("putting it together", 0.9)
-    finding = work.finding(notes)
+    with single_threaded():  # matrices are small
+        work, notes = machine_work(campaign, progress)
+        progress("putting it together", 0.9)
+        finding = work.finding(notes)
     progress("done", 1.0)
     return replace(finding, seconds=time.perf_counter() - begun)
 

@@ -38,6 +38,7 @@ from tssgeom.identify.selection import name_of, selected
 from tssgeom.identify.ties import base_ties, ties_of, unobservable
 from tssgeom.identify.verdict import judged, judged_laws, sentence
 from tssgeom.tendon.bars.model import Drive
+from tssgeom.threads import single_threaded
 
 
 def discover(
@@ -70,7 +71,14 @@ def discover(
     Source: docs/discovery.md; docs/model.md (100) to (118).
     """
     begun = time.perf_counter()
-    report = progress or _silent
+    with single_threaded():  # matrices are small
+        finding = _discovered(campaign, seed, progress or _silent, propose)
+    return replace(finding, seconds=time.perf_counter() - begun)
+
+
+def _discovered(
+    campaign: Campaign, seed: int, report: Callable[[str, float], None], propose: Asked | None
+) -> Finding:
     report("reading the runs", 0.0)
     started = _started(campaign, None)
     report("fitting friction and compliance", 0.05)
@@ -95,7 +103,7 @@ def discover(
         report("designing experiments", 0.92)
         finding = replace(finding, proposal=proposed(work, started.runs, campaign.rig, propose, seed))
     report("done", 1.0)
-    return _timed(finding, time.perf_counter() - begun)
+    return finding
 
 
 def _explains(work: Work) -> bool:
@@ -194,10 +202,6 @@ _LAWS_AT = 0.6  # share of the work done then; chosen
 
 def _silent(step: str, share: float) -> None:
     pass
-
-
-def _timed(finding: Finding, seconds: float) -> Finding:
-    return replace(finding, seconds=seconds)
 
 
 def _attribution(runs: tuple[Reading, ...], campaign: Campaign, base: Fit) -> Attribution:
