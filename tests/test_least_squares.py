@@ -1,5 +1,7 @@
 """The solver of iterated fits: exact where lines suffice, and at bounds, outliers and missing equilibria."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
@@ -97,3 +99,13 @@ def test_without_passes_nothing_moves():
     fit = solve(Problem(line, np.eye(3), -FREE, FREE), np.ones(3), passes=0)
     assert fit.u.tolist() == [1.0, 1.0, 1.0]
     assert fit.jacobian == pytest.approx(-SLOPE, abs=1e-9)
+
+
+def test_a_bent_ridge_is_followed_to_its_lowest_point():
+    def bent(u):  # a valley along u[1] = u[0]², 1000 times as steep across as along, lowest at 1
+        return np.array([1e3 * (u[1] - u[0] ** 2), 1.0 * (u[0] - 1.0)]), None
+
+    start, free = np.array([-2.0, 4.0]), np.full(2, np.inf)
+    given = Problem(bent, np.zeros((2, 2)), -free, free, step=1e-6)
+    assert solve(replace(given, along_ridges=True), start).u == pytest.approx([1.0, 1.0], abs=0.3)
+    assert np.abs(solve(given, start).u - 1.0).max() > 1.0  # damped steps end where they become short

@@ -39,6 +39,10 @@ class SolverSettings:
     1e-6."""
     coarse_step: float = 0.02
     """Step by a number whose size is not known, in its unit [1]; chosen: beyond the kinks of friction."""
+    shares: tuple[float, ...] = (1.0, 0.4, 0.15, 0.05)
+    """Of the way to the lowest point: steps tried along a ridge, before damped ones [1]; chosen."""
+    chords: int = 4
+    """Steps with the same derivatives, along ridges [1]; chosen: derivatives take as long as twenty."""
 
 
 SOLVER = SolverSettings()
@@ -73,6 +77,9 @@ class Problem(Generic[Detail]):
     """Of χ²: a fall that ends the fit as well [1]."""
     jacobian: Callable[[Solution[Detail]], Matrix] | None = None
     """Derivatives of the whitened residuals; finite differences where None."""
+    along_ridges: bool = False
+    """Whether steps are first tried that follow a bent ridge: undamped, shortened as a whole, and with others
+    behind each one that go back onto the ridge. A damped step hardly moves along it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -220,25 +227,61 @@ def _stepped(problem: Problem[Detail], now: Solution[Detail]) -> Generator[None,
     Numbers that a bound holds against the pull stay there. A fit that expects no more than `converged` tries
     one step.
     """
-    pull = -(now.jacobian.T @ now.residual + now.precision @ (now.u - problem.centre))
+    pull = _pull(problem, now, now)
     free = ~(((now.u <= problem.lower) & (pull < 0.0)) | ((now.u >= problem.upper) & (pull > 0.0)))
     normal = (now.jacobian.T @ now.jacobian + now.precision)[np.ix_(free, free)]
     enough = max(SOLVER.converged, problem.close * now.chi2)
     near = float(pull[free] @ np.linalg.solve(normal, pull[free])) < enough
-    for damping in SOLVER.damping[: 0 if not free.any() else 1 if near else None]:
-        step = np.zeros_like(pull)
-        step[free] = np.linalg.solve(normal + damping * np.diag(np.diag(normal)), pull[free])
-        yield
-        bounded = now.u + np.clip(step, -problem.longest, problem.longest)
-        there = _evaluated(problem, np.clip(bounded, problem.lower, problem.upper))
-        fall = -np.inf if there is None else now.chi2 - _chi2(problem, there, now.precision)
-        now = replace(now, evaluations=now.evaluations + 1)
+    ways = [(1.0, damping) for damping in SOLVER.damping]
+    if problem.along_ridges:
+        ways = [(share, 0.0) for share in SOLVER.shares] + ways
+    for share, damping in ways[: 0 if not free.any() else 1 if near else None]:
+        damped = normal + damping * np.diag(np.diag(normal))
+        chords = SOLVER.chords if damping == 0.0 and not near else 1
+        there, fall, used = yield from _tried(problem, now, damped, free, share, chords)
+        now = replace(now, evaluations=now.evaluations + used)
         if there is not None and fall > 0.0:
             moved = (there.u - now.u)[free]
+            square = float(moved @ normal @ moved) if share == 1.0 else np.inf
             return replace(
                 now,
                 **{name: getattr(there, name) for name in ("u", "left", "detail", "residual", "at_bound")},
                 chi2=now.chi2 - fall,
-                converged=min(fall, float(moved @ normal @ moved)) < enough,
+                converged=min(fall if share == 1.0 else np.inf, square) < enough,
             )
     return replace(now, converged=near)
+
+
+def _tried(
+    problem: Problem[Detail],
+    now: Solution[Detail],
+    damped: Matrix,
+    free: np.ndarray,
+    share: float,
+    chords: int,
+) -> Generator[None, None, tuple[Solution[Detail] | None, float, int]]:
+    """Return where a step ends, by how much χ² falls there, and the evaluations that it took.
+
+    The step goes to where that share of the pull is gone, in several steps with the same derivatives where
+    asked for: along a bent ridge the first one goes beside it, and those behind it back. Source:
+    docs/model.md (260).
+    """
+    at, best, fall, used = now, None, -np.inf, 0
+    wanted = (1.0 - share) * _pull(problem, now, now)
+    while used < chords:
+        step = np.zeros_like(wanted)
+        step[free] = np.linalg.solve(damped, (_pull(problem, now, at) - wanted)[free])
+        yield
+        bounded = at.u + np.clip(step, -problem.longest, problem.longest)
+        there = _evaluated(problem, np.clip(bounded, problem.lower, problem.upper))
+        used += 1
+        lower = -np.inf if there is None else now.chi2 - _chi2(problem, there, now.precision)
+        if there is None or lower <= fall:
+            break
+        at, best, fall = there, there, lower
+    return best, fall, used
+
+
+def _pull(problem: Problem[Detail], now: Solution[Detail], at: Solution[Detail]) -> Vector:
+    """Return half of how fast χ² falls by each number at a position, with the derivatives of another one."""
+    return -(now.jacobian.T @ at.residual + now.precision @ (at.u - problem.centre))

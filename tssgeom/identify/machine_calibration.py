@@ -70,6 +70,7 @@ def calibrate_machine(
     else:
         progress("each run without the others", 0.7)
         held = runs_held_out(problem, state)
+    progress("intervals", 0.9)
     return calibration_of(problem, state, held, (*notes, *(each.text for each in load_remarks(runs, rig))))
 
 

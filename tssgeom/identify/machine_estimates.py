@@ -10,11 +10,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import t as student
 
-from tssgeom.arrays import Matrix, Vector
+from tssgeom.arrays import Vector
 from tssgeom.core.constants import CHANCE
 from tssgeom.identify.fit_quality import FIT_TEST, ChannelFit, failures, misfits, whiteness
 from tssgeom.identify.machine_held_out import NOTHING_HELD_OUT, HeldOut, contradictions
 from tssgeom.identify.machine_parameters import route_numbers
+from tssgeom.identify.machine_posterior import Posterior, posterior_of
 from tssgeom.identify.machine_problem import FIT, FitState, Problem
 from tssgeom.identify.machine_run import MachineRun
 from tssgeom.result import Result
@@ -97,17 +98,16 @@ def calibration_of(
     notes: Sequence[str] = (),
 ) -> MachineCalibration:
     """Return the estimates of a fit, with the covariance of Gauss and Newton; docs/model.md (181)-(183)."""
-    slope = problem.jacobian(state.u, state.channels, state.left) * np.concatenate(state.weight)[:, None]
-    covariance = np.asarray(np.linalg.inv(slope.T @ slope + np.eye(len(state.u))), dtype=np.float64)
     effective = sum(len(each) for each in state.left) / float(np.mean(state.inflation))
     quantile = float(student.ppf(0.975, max(effective - len(state.u), 2.0)))
-    estimates = tuple(_estimates(problem, state.u, covariance, quantile))
+    problem, state, posterior = posterior_of(problem, state, quantile)
+    estimates = tuple(_estimates(problem, posterior))
     values = {each.key: each.value for each in estimates if each.key}
     channels = tuple(_channel_fits(problem, state))
     return MachineCalibration(
         estimates,
-        _friction_angle(problem, state.u, covariance, quantile),
-        tuple(_ties(problem, state.u, covariance, quantile)),
+        _friction_angle(problem, posterior),
+        tuple(_ties(problem, posterior)),
         channels,
         held,
         with_values(problem.rig, values),
@@ -118,10 +118,11 @@ def calibration_of(
     )
 
 
-def _estimates(problem: Problem, u: Vector, covariance: Matrix, quantile: float) -> Iterator[MachineEstimate]:
+def _estimates(problem: Problem, posterior: Posterior) -> Iterator[MachineEstimate]:
+    u, alone = posterior.u, np.eye(len(posterior.u))
     for j, each in enumerate(problem.parameters):
-        sd = math.sqrt(covariance[j, j])
-        value, low, high = (each.value(x) for x in (u[j], u[j] - quantile * sd, u[j] + quantile * sd))
+        sd, *ends = posterior.of(alone[j])
+        value, low, high = (each.value(x) for x in (u[j], *ends))
         prior = (each.value(-NORMAL_95), each.value(NORMAL_95))
         key = each.key if each.kind == "rig" else ""
         bound = bool(key) and abs(u[j]) >= CHANCE.rare
@@ -130,7 +131,7 @@ def _estimates(problem: Problem, u: Vector, covariance: Matrix, quantile: float)
         )
 
 
-def _friction_angle(problem: Problem, u: Vector, covariance: Matrix, quantile: float) -> MachineEstimate:
+def _friction_angle(problem: Problem, posterior: Posterior) -> MachineEstimate:
     """Return μΦ with the interval that the runs give it, whether or not they part μ from Φ."""
     keys = ("friction.coefficient", "route.angle_rad", "route.angle_gain")
     first = ("route", str(route_numbers(problem.runs)[0][0]))
@@ -139,34 +140,35 @@ def _friction_angle(problem: Problem, u: Vector, covariance: Matrix, quantile: f
         for j, each in enumerate(problem.parameters)
         if (each.kind == "rig" and each.key in keys and each.prior.log) or (each.kind, each.key) == first
     ]
-    share = np.array([problem.parameters[j].prior.sd for j in at])
+    u, share = posterior.u, np.zeros(len(posterior.u))
+    share[at] = [problem.parameters[j].prior.sd for j in at]
     values = {(each.kind, each.key): each.value(u[j]) for j in at for each in (problem.parameters[j],)}
     rig = with_values(problem.rig, {key: value for (kind, key), value in values.items() if kind == "rig"})
     route = problem.runs[0].routes[0].scaled(angle=values.get(first, 1.0))
     value = rig.friction.coefficient * routed(route, rig).total_angle
-    sd, before = math.sqrt(float(share @ covariance[np.ix_(at, at)] @ share)), float(np.linalg.norm(share))
-    low, high = value * math.exp(-quantile * sd), value * math.exp(quantile * sd)
+    (sd, *ends), before = posterior.of(share), float(np.linalg.norm(share))
+    low, high = (value * math.exp(end - float(share @ u)) for end in ends)
     assumed = (value * math.exp(-NORMAL_95 * before), value * math.exp(NORMAL_95 * before))
     return MachineEstimate("μΦ", "1", value, low, high, sd < FIT_TEST.unobserved * before, assumed)
 
 
-def _ties(problem: Problem, u: Vector, covariance: Matrix, quantile: float) -> Iterator[str]:
+def _ties(problem: Problem, posterior: Posterior) -> Iterator[str]:
     """Say which numbers of the rig are known only as a product or a ratio; docs/model.md (183)."""
+    u, covariance, alone = posterior.u, posterior.covariance, np.eye(len(posterior.u))
     wide = [
         j
         for j, each in enumerate(problem.parameters)
-        if each.kind == "rig" and each.prior.log and covariance[j, j] >= FIT_TEST.unobserved**2
+        if each.kind == "rig" and each.prior.log and posterior.of(alone[j])[0] >= FIT_TEST.unobserved
     ]
     for a, b in itertools.combinations(wide, 2):
         one, other = problem.parameters[a], problem.parameters[b]
         sign = -1.0 if covariance[a, b] > 0.0 else 1.0
-        both = np.array([one.prior.sd, sign * other.prior.sd])
-        block = covariance[np.ix_([a, b], [a, b])]
-        sd = math.sqrt(max(float(both @ block @ both), 0.0))
+        both = one.prior.sd * alone[a] + sign * other.prior.sd * alone[b]
+        sd, *ends = posterior.of(both)
         if sd >= FIT.tied * float(np.linalg.norm(both)):
             continue
-        middle = math.log(one.value(u[a])) + sign * math.log(other.value(u[b]))
-        low, mid, high = (math.exp(middle + x * quantile * sd) for x in (-1, 0, 1))
+        mid = one.value(u[a]) * other.value(u[b]) ** sign
+        low, high = (mid * math.exp(end - float(both @ u)) for end in ends)
         word = "product" if sign > 0 else "ratio"
         yield f"{one.name} and {other.name} show only as a {word}: {mid:.4g} [{low:.4g}, {high:.4g}]"
 

@@ -10,13 +10,13 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
 
-from tssgeom.arrays import Vector
+from tssgeom.arrays import Matrix, Vector
 from tssgeom.core.constants import CHANCE
 from tssgeom.errors import FitError
 from tssgeom.identify.fit_quality import ROBUST, first_weights, weights_of
 from tssgeom.identify.machine_problem import FIT, FitState, Problem, fitted_rows
 from tssgeom.identify.machine_run import thinned
-from tssgeom.least_squares import SOLVER, solve
+from tssgeom.least_squares import SOLVER, Solution, solve
 from tssgeom.least_squares import Problem as LeastSquares
 
 _Answer = tuple[list[Mapping[str, Vector]], list[Vector]]
@@ -87,7 +87,13 @@ def fit_round(
     problem: Problem, start: Vector, weight: list[Vector], inflation: Vector, steps: int = SOLVER.passes
 ) -> FitState:
     """Fit with these weights; raises FitError where the machine has no equilibrium at the start."""
-    rows = np.concatenate(weight)
+    rows, apart = np.concatenate(weight), problem.steps()
+
+    def slope(now: Solution[_Answer]) -> Matrix:
+        nonlocal apart
+        made = problem.jacobian(now.u, *now.detail, apart) * rows[:, None]
+        apart = problem.steps(made)
+        return made
 
     def model(u: Vector) -> tuple[Vector, _Answer] | None:
         channels = problem.model(u)
@@ -100,12 +106,13 @@ def fit_round(
         *(model, np.eye(len(start)), np.full(len(start), -CHANCE.rare), np.full(len(start), CHANCE.rare)),
         whitened=lambda left: (rows * left.T).T,
         close=FIT.close,
-        jacobian=lambda now: problem.jacobian(now.u, *now.detail) * rows[:, None],
+        along_ridges=True,
+        jacobian=slope,
     )
     end = solve(given, start, steps)
     if end is None:
         raise FitError("the machine has no equilibrium at the start of the fit")
-    return FitState(end.u, *end.detail, weight, inflation, 0.5 * end.chi2)
+    return FitState(end.u, *end.detail, weight, inflation, 0.5 * end.chi2, apart)
 
 
 def _objective(left: Sequence[Vector], weight: Sequence[Vector], u: Vector) -> float:

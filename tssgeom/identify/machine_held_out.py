@@ -116,10 +116,10 @@ def _predicted(fitted: Problem, away: Problem, state: FitState) -> tuple[list[Ve
     The zeros and the start of a run that is not fitted are its own: they are fitted to it, and what they meet
     is no misfit.
     """
-    slope = fitted.jacobian(state.u, state.channels, state.left) * np.concatenate(state.weight)[:, None]
+    slope = state.slope(fitted)
     covariance = np.asarray(np.linalg.inv(slope.T @ slope + np.eye(len(state.u))), dtype=np.float64)
     left = away.left(state.channels)
-    slopes = away.jacobian(state.u, state.channels, left)
+    slopes = away.jacobian(state.u, state.channels, left, state.steps)
     runs = {k for k, _, _ in fitted.rows}
     own = np.array([each.run >= 0 and each.run not in runs for each in fitted.parameters])
     scale = np.concatenate([np.full(len(each), 1.0 / max(spread(each), 1e-12)) for each in left])

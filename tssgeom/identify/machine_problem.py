@@ -45,6 +45,9 @@ class MachineFitSettings:
     """Starts, the best of 27, from which short fits are made [1]; chosen."""
     start_steps: int = 4
     """Steps from each start before the best one is kept; chosen."""
+    least_step: float = 1e-6
+    """Of the prior's standard deviation of a number that is not a logarithm: least step of a derivative [1];
+    derived: of an angle it is 1000 times what a sample leaves open, (175)."""
 
 
 FIT = MachineFitSettings()
@@ -117,8 +120,38 @@ class Problem:
         given = self.answers(channels)
         return [self.runs[k].measured[name][at] - given[k][name][at] for k, name, at in self.rows]
 
-    def jacobian(self, u: Vector, channels: Sequence[Mapping[str, Vector]], left: Sequence[Vector]) -> Matrix:
+    def steps(self, slope: Matrix | None = None) -> Vector:
+        """Return steps of derivatives: those by which the readings change by one standard deviation.
+
+        Parameters
+        ----------
+        slope
+            Derivatives of the weighted readings by every number [rows, parameters]; without it the steps are
+            the longest.
+
+        Notes
+        -----
+        Steps of logarithms are equal in the numbers themselves: two that show only as a product have then
+        the same derivatives, kinks of friction and all, and no error of these parts them.
+        """
+        scale = np.array([each.prior.sd if each.prior.log else 1.0 for each in self.parameters])
+        logs = np.array([each.prior.log for each in self.parameters])
+        if slope is None:
+            return SOLVER.coarse_step / scale
+        strength = np.linalg.norm(slope, axis=0) / scale
+        strength[logs] = strength[logs].max(initial=0.0)
+        least = np.where(logs, SOLVER.step, FIT.least_step)
+        return np.clip(1.0 / np.maximum(strength, 1e-300), least, SOLVER.coarse_step) / scale
+
+    def jacobian(
+        self,
+        u: Vector,
+        channels: Sequence[Mapping[str, Vector]],
+        left: Sequence[Vector],
+        steps: Vector | None = None,
+    ) -> Matrix:
         """Return derivatives of what is left by every number [rows, parameters]."""
+        steps = self.steps() if steps is None else steps
         edges = np.cumsum([0, *(len(each) for each in left)])
         out = np.zeros((edges[-1], len(u)))
         for j, parameter in enumerate(self.parameters):
@@ -128,7 +161,7 @@ class Problem:
                         out[edges[b] : edges[b + 1], j] = -parameter.prior.sd
         simulated = [j for j, each in enumerate(self.parameters) if each.kind != "zero"]
         with ThreadPoolExecutor(min(len(simulated), os.cpu_count() or 1)) as pool:
-            for j, there in zip(simulated, pool.map(partial(self._beside, u), simulated), strict=True):
+            for j, there in zip(simulated, pool.map(partial(self._beside, u, steps), simulated), strict=True):
                 step, moved, only = there
                 for b, (k, name, at) in enumerate(self.rows):
                     if moved is not None and (only < 0 or k == only):
@@ -136,14 +169,11 @@ class Problem:
                         out[edges[b] : edges[b + 1], j] = (channels[k][name][at] - other[name][at]) / step
         return out
 
-    def _beside(self, u: Vector, j: int) -> tuple[float, list[Mapping[str, Vector]] | None, int]:
-        """Return a step of one number, the channels after it, and the run that it belongs to, or −1.
-
-        Steps of logarithms are equal in the numbers themselves: two that show only as a product have then the
-        same derivatives, kinks of friction and all, and no error of these parts them.
-        """
-        only, prior = self.parameters[j].run, self.parameters[j].prior
-        step = SOLVER.coarse_step / (prior.sd if prior.log else 1.0)
+    def _beside(
+        self, u: Vector, steps: Vector, j: int
+    ) -> tuple[float, list[Mapping[str, Vector]] | None, int]:
+        """Return a step of one number, the channels after it, and the run that it belongs to, or −1."""
+        only, step = self.parameters[j].run, float(steps[j])
         for way in (step, -step):
             moved = u.copy()
             moved[j] += way
@@ -163,6 +193,13 @@ class FitState:
     weight: list[Vector]
     inflation: Vector
     objective: float
+    steps: Vector
+    """Of derivatives."""
+
+    def slope(self, problem: Problem) -> Matrix:
+        """Return derivatives of the weighted readings by every number [rows, parameters]."""
+        made = problem.jacobian(self.u, self.channels, self.left, self.steps)
+        return np.asarray(made * np.concatenate(self.weight)[:, None], dtype=np.float64)
 
 
 def fitted_rows(runs: Sequence[MachineRun], held_out: bool | None) -> tuple[tuple[int, str, np.ndarray], ...]:

@@ -45,7 +45,7 @@ class Lines(NamedTuple):
 def straight_lines(model: FittedModel) -> Lines:
     """Make a fitted model straight in its numbers."""
     state, weight = model.state, np.concatenate(model.state.weight)
-    slope = model.problem.jacobian(state.u, state.channels, state.left) * weight[:, None]
+    slope = state.slope(model.problem)
     normal = slope.T @ slope + np.eye(len(state.u))
     return Lines(weight, slope, normal, weight * np.concatenate(state.left))
 

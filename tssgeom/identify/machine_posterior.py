@@ -1,0 +1,237 @@
+"""What runs leave open of a machine, beyond a normal law: the posterior along its widest numbers.
+
+Where two numbers show nearly as a product, the posterior is a bent ridge, steeper on one side than on the
+other, and few bars tilt it; the covariance of Gauss and Newton holds at its top only. Source: docs/model.md
+(261).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import ndtr
+
+from tssgeom.arrays import Matrix, Vector
+from tssgeom.identify.machine_problem import FIT, FitState, Problem
+
+
+@dataclass(frozen=True, slots=True)
+class PosteriorSettings:
+    """How a posterior is followed along a number."""
+
+    wide: float = 0.02
+    """Of a number: standard deviation from which its posterior is tested [1]; chosen: what is known better
+    is met by a straight line."""
+    alike: float = 0.9
+    """Correlation from which the posterior along one number is that along the other [1]; chosen."""
+    follows: float = 0.7
+    """Correlation from which a number goes with one that is followed [1]; derived: half of its variance."""
+    most: int = 3
+    """Numbers that are followed [1]; chosen for speed."""
+    tested: float = 1.5
+    """Standard deviations at which it is first tested whether χ² rises as a normal law's [1]; chosen."""
+    normal: float = 0.15
+    """Of this rise: difference up to which the law is normal [1]; chosen: 7 % of an interval."""
+    step: float = 0.6
+    """Standard deviations from one point to the next [1]; chosen: three of them in the half of a bell."""
+    deep: float = 12.0
+    """Rise of χ² at which the posterior ends [1]; derived: 2.5e-3 of its top."""
+    points: int = 20
+    """Points that are tried on each side [1]; chosen: three times what a normal law takes."""
+    leap: float = 4.0
+    """Rise of χ² from one point to the next from which the step is halved [1]; chosen."""
+    least: float = 0.05
+    """Standard deviations of the least step [1]; chosen."""
+    turns: int = 8
+    """Steps of the other numbers at each point, at most [1]; chosen: two or three are usual."""
+    converged: float = 0.05
+    """Fall of χ² that ends these [1]; chosen: a tenth of what moves an interval by a tenth."""
+
+
+POSTERIOR = PosteriorSettings()
+
+
+@dataclass(frozen=True, slots=True)
+class Profile:
+    """The posterior along one number."""
+
+    number: int
+    u: Matrix
+    """[points, numbers] All numbers where that one is held and the others are likeliest."""
+    chi2: Vector
+    """[points] Of readings and what was assumed [1]."""
+
+    @property
+    def weight(self) -> Vector:
+        """Share of each point [points] [1]."""
+        at = self.u[:, self.number]
+        density = np.exp(-0.5 * (self.chi2 - self.chi2.min())) * (np.gradient(at) if len(at) > 1 else 1.0)
+        return density / density.sum()
+
+
+@dataclass(frozen=True, slots=True)
+class Posterior:
+    """Of all numbers, in standard deviations of what was assumed."""
+
+    u: Vector
+    """The likeliest ones."""
+    covariance: Matrix
+    """By Gauss and Newton."""
+    quantile: float
+    """Standard deviations of half a 95 % interval of a normal law [1]."""
+    profiles: tuple[Profile, ...]
+
+    def of(self, share: Vector) -> tuple[float, float, float]:
+        """Return standard deviation and 95 % interval of a sum of numbers, each times its share; (261)."""
+        middle, across = float(share @ self.u), self.covariance @ share
+        sd, own = math.sqrt(max(float(share @ across), 1e-300)), np.sqrt(np.diag(self.covariance))
+        strength = [abs(float(across[each.number])) / (sd * own[each.number]) for each in self.profiles]
+        if max(strength, default=0.0) < POSTERIOR.follows:
+            return sd, middle - self.quantile * sd, middle + self.quantile * sd
+        best = int(np.argmax(strength))
+        weight, centres = self.profiles[best].weight, self.profiles[best].u @ share
+        beside = sd * math.sqrt(max(1.0 - strength[best] ** 2, 1e-4))
+        spread = math.hypot(beside, math.sqrt(float(weight @ (centres - weight @ centres) ** 2)))
+        low, high = (_quantile(centres, beside, weight, sign * self.quantile) for sign in (-1.0, 1.0))
+        return spread, min(low, middle), max(high, middle)
+
+
+def _quantile(centres: Vector, sd: float, weight: Vector, at: float) -> float:
+    """Return where a mixture of normal laws has the probability of a normal one at so many deviations."""
+    wanted, low, high = ndtr(at), centres.min() - 9.0 * sd, centres.max() + 9.0 * sd
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        less = weight @ ndtr((middle - centres) / sd) < wanted
+        low, high = (middle, high) if less else (low, middle)
+    return float(0.5 * (low + high))
+
+
+def posterior_of(problem: Problem, state: FitState, quantile: float) -> tuple[Problem, FitState, Posterior]:
+    """Return the posterior about a fit, and the fit at its likeliest numbers."""
+    slope = state.slope(problem)
+    covariance = np.asarray(np.linalg.inv(slope.T @ slope + np.eye(len(state.u))), dtype=np.float64)
+    fine = replace(problem, bars=FIT.fine, too_few_bars=())
+    made = (_Along(fine, state, slope, covariance, j).profile() for j in _wide(problem, covariance))
+    profiles = tuple(each for each in made if each is not None)
+    if profiles:
+        best = min(profiles, key=lambda each: each.chi2.min())
+        u = best.u[np.argmin(best.chi2)]
+        channels = fine.model(u)
+        if channels is not None:
+            problem, state = fine, replace(state, u=u, channels=channels, left=fine.left(channels))
+    return problem, state, Posterior(state.u, covariance, quantile, profiles)
+
+
+def _wide(problem: Problem, covariance: Matrix) -> Iterator[int]:
+    """Yield the numbers along which the posterior is tested, the widest first, none like another."""
+    deviation = np.sqrt(np.diag(covariance))
+    wide = [
+        (each.prior.sd * deviation[j], j)
+        for j, each in enumerate(problem.parameters)
+        if each.kind == "rig" and each.prior.log and each.prior.sd * deviation[j] > POSTERIOR.wide
+    ]
+    taken = list[int]()
+    for _, j in sorted(wide, reverse=True):
+        alike = [abs(covariance[j, k]) / (deviation[j] * deviation[k]) for k in taken]
+        if len(taken) < POSTERIOR.most and max(alike, default=0.0) < POSTERIOR.alike:
+            taken.append(j)
+            yield j
+
+
+class _Point(NamedTuple):
+    """All numbers where one is held and the others are likeliest, what is left there, and its χ²."""
+
+    u: Vector
+    residual: Vector
+    chi2: float
+
+
+class _Along:
+    """The posterior along one number, the others being likeliest at each of its values; (261)."""
+
+    def __init__(self, problem: Problem, state: FitState, slope: Matrix, covariance: Matrix, j: int) -> None:
+        self.problem, self.start, self.j = problem, state.u, j
+        self.weight = np.concatenate(state.weight)
+        self.others = np.arange(len(state.u)) != j
+        self.first: Matrix = slope[:, self.others]
+        self.slope: Matrix = self.first.copy()
+        self.sd = math.sqrt(covariance[j, j])
+        self.along = covariance[:, j] / covariance[j, j]
+
+    def profile(self) -> Profile | None:
+        """Return the posterior along the number; None where a normal law is near enough."""
+        top = self._fitted(self.start)
+        if top is None:
+            return None
+        rise, near = POSTERIOR.tested**2, list[bool]()
+        for way in (-POSTERIOR.tested, POSTERIOR.tested):
+            there = self._fitted(top.u + way * self.sd * self.along)
+            near.append(there is not None and abs(there.chi2 - top.chi2 - rise) < POSTERIOR.normal * rise)
+        if all(near):
+            return None
+        sides = [self._side(top, way) for way in (-1.0, 1.0)]
+        points = [*reversed(sides[0]), top, *sides[1]]
+        return Profile(
+            self.j, np.array([each.u for each in points]), np.array([each.chi2 for each in points])
+        )
+
+    def _side(self, top: _Point, way: float) -> list[_Point]:
+        """Return points on one side, nearer to each other where χ² rises fast."""
+        self.slope = self.first.copy()
+        points, step, lowest, last = [top], POSTERIOR.step * self.sd, top.chi2, self.along
+        for _ in range(POSTERIOR.points):
+            there = self._fitted(points[-1].u + last * (way * step / last[self.j]))
+            rise = np.inf if there is None else there.chi2 - points[-1].chi2
+            if there is None or (rise > POSTERIOR.leap and step > POSTERIOR.least * self.sd):
+                step *= 0.5
+                if step < POSTERIOR.least * self.sd:
+                    break
+                continue
+            last, lowest = there.u - points[-1].u, min(lowest, there.chi2)
+            points.append(there)
+            if there.chi2 - lowest > POSTERIOR.deep:
+                break
+            step *= 1.0 if abs(rise) > 0.25 * POSTERIOR.leap else 1.5
+        return points[1:]
+
+    def _fitted(self, u: Vector) -> _Point | None:
+        """Return the likeliest others with this one held.
+
+        Each evaluation mends the derivatives. Source: C. G. Broyden, Math. Comput. 19 (1965) 577.
+        """
+        best, damping = self._at(u), 0.0
+        if best is None:
+            return None
+        for _ in range(POSTERIOR.turns):
+            normal = np.asarray(self.slope.T @ self.slope, dtype=np.float64) + np.eye(len(best.u) - 1)
+            scale = np.diag(normal)
+            pull = np.asarray(-(self.slope.T @ best.residual + best.u[self.others]), dtype=np.float64)
+            step = np.linalg.solve(normal + damping * np.diag(scale), pull)
+            moved = best.u.copy()
+            moved[self.others] += step
+            there = self._at(moved)
+            if there is not None:
+                off = there.residual - best.residual - self.slope @ step
+                mended = np.outer(off, scale * step) / float(step @ (scale * step))
+                self.slope = np.asarray(self.slope + mended, dtype=np.float64)
+            if there is None or there.chi2 >= best.chi2:
+                if float(pull @ step) < POSTERIOR.converged:
+                    break
+                damping = max(10.0 * damping, 0.1)
+                continue
+            fall, best = best.chi2 - there.chi2, there
+            if fall < POSTERIOR.converged:
+                break
+            damping *= 0.1
+        return best
+
+    def _at(self, u: Vector) -> _Point | None:
+        channels = self.problem.model(u)
+        if channels is None:
+            return None
+        residual = self.weight * np.concatenate(self.problem.left(channels))
+        return _Point(u, residual, float(residual @ residual + u @ u))
