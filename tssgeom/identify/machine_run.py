@@ -19,7 +19,7 @@ from tssgeom.plausibility.rules import warnings_of
 from tssgeom.plausibility.series import Series
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
-from tssgeom.statistics import reading_noise, turns
+from tssgeom.statistics import reading_noise, root_mean_square, turns
 from tssgeom.tendon.machine import Start, machine_of, routed
 from tssgeom.tendon.machine_history import DriveName
 from tssgeom.tendon.machine_simulation import drive_channels, drive_of, simulate_machine, with_torque
@@ -37,6 +37,9 @@ class MachineRunLimits:
     """Of the range of the drive: going back by more ends a cycle [1]; chosen."""
     most_turns: int = 12
     """Turns of a tension that drives whose level is fitted; chosen."""
+    lost: float = 1.2
+    """What calming takes from a channel that acts, over its noise, up to which it is noise [1]; chosen: a
+    swing as large as the noise makes it 1.2."""
     zero: float = 0.3
     """Standard deviation of the zero of a channel, of its range [1]; chosen."""
 
@@ -106,8 +109,10 @@ def machine_run(
             f"{name}: {len(rows)} samples with {given_names[1]}: give {LIMITS.least_samples} or more"
         )
     most = most or LIMITS.most_samples
-    if len(rows) > most:
-        columns = _without_noise(columns, rows, drive, count)
+    if drive != "tension_in":
+        columns = _without_noise(columns, rows, given_names[1:])
+    elif len(given_names) > 1 + count:
+        columns = _without_noise(columns, rows, given_names[1 + count :])
     motion = columns[given_names[1]][rows]
     edges = turns(motion, LIMITS.turn * float(np.ptp(motion)))
     rows = rows[_thinned(len(rows), edges, most)]
@@ -143,19 +148,21 @@ def machine_run(
 
 
 def _without_noise(
-    columns: Mapping[str, Vector], rows: np.ndarray, drive: DriveName, count: int
+    columns: Mapping[str, Vector], rows: np.ndarray, channels: Sequence[str]
 ) -> Mapping[str, Vector]:
-    """Return channels with a position that drives calmed before it is thinned; docs/model.md (66).
+    """Return columns with the channels that act calmed; docs/model.md (66), (262).
 
-    A turn that is thinned to its farthest reading would keep the noise of many.
+    Friction keeps the farthest readings, a turn that is thinned that of many, and what answers to noise is
+    taken for softness. A motion that is small beside its noise, and would be lost, stays as it was read.
     """
-    if drive not in ("motor_angle_rad", "displacement_in"):
-        return columns
     calm = dict(columns)
-    for channel in drive_channels(drive, count):
-        readings = columns[channel].copy()
-        readings[rows] = calmed(readings[rows], reading_noise(readings[rows]), columns["time_s"][rows])
-        calm[channel] = readings
+    for channel in channels:
+        readings = columns[channel][rows]
+        noise = reading_noise(readings)
+        quiet = calmed(readings, noise, columns["time_s"][rows])
+        if root_mean_square(readings - quiet) <= LIMITS.lost * noise:
+            calm[channel] = columns[channel].copy()
+            calm[channel][rows] = quiet
     return calm
 
 
