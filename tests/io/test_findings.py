@@ -46,6 +46,7 @@ def test_an_effect_has_parameters_with_intervals_and_evidence(tmp_path):
     assert effect["parameters"]["angle_rad"] == {"value": 0.598, "unit": "rad", "ci95": [0.571, 0.627]}
     assert effect["evidence"] == {
         "delta_bic": 412.3,
+        "held_out_fall": 0.0,
         "threshold": 41.5,
         "size_over_guard": 6.2,
         "heldout_ratio": 0.11,

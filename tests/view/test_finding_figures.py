@@ -125,6 +125,18 @@ def test_the_ranking_marks_what_was_chosen_and_the_threshold():
     assert lines(ranking_figure(worked_finding()))["threshold"][0, 0] == 41.5
 
 
+def test_bars_of_the_ranking_are_what_orders_it():
+    finding = worked_finding()
+    held = replace(finding.ranking[1], evidence=replace(finding.ranking[1].evidence, held_out_fall=100.0))
+    against = replace(
+        finding.ranking[2], evidence=replace(finding.ranking[2].evidence, held_out_fall=-np.inf)
+    )
+    axes = ranking_figure(replace(finding, ranking=(finding.ranking[0], held, against))).axes[0]
+    assert [patch.get_width() for patch in axes.patches] == [412.3, 131.0, 0.0]
+    assert axes.texts[-1].get_text() == "contradicted"
+    assert "held-out runs included" in axes.get_xlabel()
+
+
 def to_rgba(text: str) -> tuple[float, ...]:
     return (*(int(text[k : k + 2], 16) / 255 for k in (1, 3, 5)), 1.0)
 

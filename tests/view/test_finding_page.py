@@ -1,6 +1,7 @@
 """The report of discover: the answer first, everything in it, nothing from elsewhere."""
 
 from dataclasses import replace
+from math import inf
 from pathlib import Path
 
 import pytest
@@ -84,6 +85,34 @@ def test_the_next_step_follows_from_what_was_identified() -> None:
     assert "one more run" in next_steps(without_held_out(worked_finding()))[-1]
     grown = replace(worked_finding().misfit, after=worked_finding().misfit.before)
     assert "Repeat" in next_steps(replace(worked_finding(), misfit=grown))[-1]
+
+
+def test_a_new_rig_that_leaves_much_is_not_said_to_be_the_end() -> None:
+    finding = worked_finding()
+    noise = finding.misfit.noise
+    before, after, little = ({"held_out": {key: x * noise[key] for key in noise}} for x in (20.0, 8.0, 1.2))
+    phases = {key: {"pull": (20.0, 3.0), "release_to_pull": (20.0, 8.0)} for key in noise}
+    left = replace(finding.misfit, before=before, after=after, by_phase=phases)
+    (step,) = next_steps(replace(finding, misfit=left))
+    assert "helps, but something remains: 7.9 times the noise on runs that were not fitted" in step
+    assert "release to pull" in step
+    (step,) = next_steps(replace(finding, misfit=replace(left, after=little)))
+    assert "use the new rig" in step
+
+
+def test_the_order_of_candidates_is_that_of_the_numbers_beside_them(tmp_path: Path) -> None:
+    finding, page = worked_finding(), tmp_path / "page.html"
+    falls = (-300.0, 200.0, -inf)
+    changed = [
+        replace(each, evidence=replace(each.evidence, held_out_fall=fall))
+        for each, fall in zip(finding.ranking, falls, strict=True)
+    ]
+    assert [each.evidence.total for each in changed] == pytest.approx([112.3, 231.0, -inf])
+    write_finding_report(page, replace(finding, ranking=tuple(changed)))
+    text = page.read_text("utf-8")
+    assert "<td>112</td>" in text
+    assert "<td>231</td>" in text
+    assert "<td>contradicted</td>" in text
 
 
 def test_only_what_is_unknown_shows_a_shape(pages: dict[str, Page]) -> None:

@@ -33,7 +33,7 @@ from tssgeom.statistics import NORMAL_95
 def evidence_of(now: Step, one: Tried, held: HeldOut | None) -> Evidence:
     """Return the evidence for a candidate."""
     ratio = math.nan if held is None else held.ratio(one.fit.at)
-    return Evidence(one.delta_bic, now.needed(one), one.size, ratio)
+    return Evidence(one.delta_bic, now.needed(one), one.size, ratio, -one.held.rise)
 
 
 def estimates(fit: Fit, which: int, covariance: Matrix | None = None) -> dict[str, Estimate]:
@@ -113,7 +113,7 @@ def chosen_effects(work: Work) -> tuple[Candidate, ...]:
     """Return what was chosen, the strongest first, each with the evidence that it adds to the others."""
     fit = work.chosen.fit
     candidates = [_added(work, which) for which in range(len(fit.at.effects))]
-    return tuple(sorted(candidates, key=lambda one: -one.evidence.delta_bic))
+    return tuple(sorted(candidates, key=lambda one: -one.evidence.total))
 
 
 def _added(work: Work, which: int) -> Candidate:
@@ -123,16 +123,22 @@ def _added(work: Work, which: int) -> Candidate:
     size = size_over_limit(problem.stack, less.left - fit.left, detection_limits(problem.stack, problem.rig))
     inflated = max(1.0, fit.chi2 / problem.stack.size)
     ratio = math.nan if work.held is None else work.held.ratio(fit.at)
-    evidence = Evidence(
-        delta_bic(less, fit, problem.stack.size), chosen.steps[0].threshold * inflated, size, ratio
-    )
+    gain = delta_bic(less, fit, problem.stack.size)
+    fall = 0.0 if work.held is None else -work.held.rise(less.at, fit.at)
+    evidence = Evidence(gain, chosen.steps[0].threshold * inflated, size, ratio, fall)
     return Candidate((name_of(effect),), (effect,), (estimates(fit, which),), evidence, "")
 
 
 def ranking(work: Work, effects: Sequence[Candidate]) -> tuple[Candidate, ...]:
-    """Return every effect that was tried on the base model, and what was chosen where that is several."""
+    """Return every effect that was tried on the base model, and what was chosen where that is several.
+
+    The best is first, held-out runs included.
+    """
     first = work.chosen.steps[0]
-    singles = [_ranked(work, first, k) for k in range(len(first.tried))]
+    tried = first.tried if work.held is None else [_held(work.held, first, one) for one in first.tried]
+    best = max((one.evidence for one in tried), default=0.0)
+    singles = [_ranked(work, first, one, best - one.evidence) for one in tried]
+    singles.sort(key=lambda one: (bool(one.why_not), -one.evidence.total))
     if len(effects) < 2:
         return tuple(singles)
     chosen = work.chosen
@@ -145,21 +151,28 @@ def ranking(work: Work, effects: Sequence[Candidate]) -> tuple[Candidate, ...]:
             effects[0].evidence.threshold,
             max(one.evidence.size_over_limit for one in effects),
             effects[0].evidence.heldout_ratio,
+            0.0 if work.held is None else -work.held.rise(chosen.base.at, chosen.fit.at),
         ),
         "",
     )
     return (together, *singles)
 
 
-def _ranked(work: Work, first: Step, k: int) -> Candidate:
-    one = first.tried[k]
+def _held(held: HeldOut, first: Step, one: Tried) -> Tried:
+    """Return a candidate with what it changes on the held-out runs."""
+    before = first.before.at
+    return replace(one, held=held.change(before, before, one.fit.at))
+
+
+def _ranked(work: Work, first: Step, one: Tried, less: float) -> Candidate:
+    """Return a candidate that has so much less evidence than the best, and why it was passed over."""
     ranked = candidate(first, one, work.held, "")
     named = {name_of(effect) for effect in work.chosen.fit.at.effects}
     if one.name in named and work.judged.verdict != "unknown":
         return ranked
     if work.judged.verdict == "unknown" and first.passes(one):
         return replace(ranked, why_not=f"it was refused: {work.judged.reason}.")
-    why = why_not(ranked, first.tried[0].evidence - one.evidence, first.needed(one), one.held)
+    why = why_not(ranked, less, first.needed(one), one.held)
     return replace(ranked, why_not=why)
 
 

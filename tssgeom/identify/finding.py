@@ -43,6 +43,13 @@ class Evidence:
     """Largest change of a channel by the effect over the detection limit of the sensors [1]."""
     heldout_ratio: float
     """Held-out misfit with the effect over that without [1]; NaN without held-out runs or misfit."""
+    held_out_fall: float = 0.0
+    """How much χ² of the held-out runs falls with the effect [1]; −inf where they contradict it."""
+
+    @property
+    def total(self) -> float:
+        """What candidates are ordered by: ΔBIC, held-out runs included [1]."""
+        return self.delta_bic + self.held_out_fall
 
 
 class RigNumber(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

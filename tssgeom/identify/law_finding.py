@@ -30,19 +30,19 @@ def law_candidates(search: LawSearch, held_ratio: float) -> tuple[Candidate, ...
     fit = search.fit
     named = [_formula(search, held_ratio, which) for which in range(len(fit.at.effects))]
     laws = [_law(search, held_ratio, which) for which in range(len(fit.terms))]
-    return tuple(sorted([*named, *laws], key=lambda one: -one.evidence.delta_bic))
+    return tuple(sorted([*named, *laws], key=lambda one: -one.evidence.total))
 
 
 def law_ranking(search: LawSearch, chosen: tuple[Candidate, ...]) -> tuple[Candidate, ...]:
     """Return what was chosen, then what was offered in the first round, with why it was passed over."""
     names = {one.names for one in chosen}
-    others = [_offered(offer) for offer in search.rounds[0]]
+    others = sorted((_offered(offer) for offer in search.rounds[0]), key=lambda one: -one.evidence.total)
     return (*chosen, *(one for one in others if one.names not in names))
 
 
 def _offered(offer: Offer) -> Candidate:
     fit = offer.fit
-    evidence = Evidence(offer.gain, needed(fit), math.nan, math.nan)
+    evidence = Evidence(offer.gain, needed(fit), math.nan, math.nan, -offer.rise)
     why = f"{offer.veto}." if offer.veto else ""
     if offer.name:
         which = len(fit.at.effects) - 1
@@ -61,7 +61,7 @@ def _evidence(search: LawSearch, held_ratio: float, effect: AnyEffect, which: in
         size = size_over_limit(problem.stack, change, detection_limits(problem.stack, problem.rig))
     except FitError:  # the others alone find no equilibrium
         size = math.nan
-    return Evidence(search.added[which], needed(fit), size, held_ratio)
+    return Evidence(search.added[which], needed(fit), size, held_ratio, search.fallen[which])
 
 
 def _formula(search: LawSearch, held_ratio: float, which: int) -> Candidate:

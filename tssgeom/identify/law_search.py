@@ -84,6 +84,8 @@ class LawSearch:
     fit: LawFit
     added: tuple[float, ...]
     """By formula, then by law: 2 Δ ln Z against the model without it [1]."""
+    fallen: tuple[float, ...]
+    """By formula, then by law: how much χ² of the held-out runs falls against the model without it [1]."""
     rounds: tuple[tuple[Offer, ...], ...]
 
     @property
@@ -134,11 +136,15 @@ def searched(
 
 def _pruned(
     problem: Problem, fit: LawFit, held: HeldOut | None, base: LawFit
-) -> tuple[LawFit, tuple[float, ...]]:
-    """Return a model without the parts that later ones have made needless, and what each adds; (191)."""
-    named, added = len(fit.at.effects), list[float]()
+) -> tuple[LawFit, tuple[float, ...], tuple[float, ...]]:
+    """Return a model without the parts that later ones have made needless, and what each adds; (191).
+
+    That is 2 Δ ln Z, and by how much χ² of the held-out runs falls.
+    """
+    named, added, fallen = len(fit.at.effects), list[float](), list[float]()
     if named + len(fit.terms) < 2:
-        return fit, (2.0 * (fit.log_evidence - base.log_evidence),)
+        rise = 0.0 if held is None else held.rise(base.point, fit.point)
+        return fit, (2.0 * (fit.log_evidence - base.log_evidence),), (-rise,)
     for which in range(named + len(fit.terms)):
         if which < named:
             at, terms = without(fit.at, which), fit.terms
@@ -150,7 +156,8 @@ def _pruned(
         if less is not None and gain - rise < needed(fit):
             return _pruned(problem, less, held, base)
         added.append(gain)
-    return fit, tuple(added)
+        fallen.append(-rise)
+    return fit, tuple(added), tuple(fallen)
 
 
 def needed(fit: LawFit) -> float:

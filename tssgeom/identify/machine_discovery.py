@@ -147,9 +147,9 @@ def _zeros(chosen: PartSelection, kept: Sequence[MachineRun]) -> tuple[FittedMod
             continue
         gain, size = delta_bic(*both), max(changes(*both).values())
         ratio, rises = held_out_ratio(*both), held_out_rises(*both)
-        gained = gain - sum(rises.values()) > EVIDENCE_SCALE.very_strong
-        if gained and size > 1.0 and not contradicted(rises):
-            named.append(NamedZero(channel, Evidence(gain, EVIDENCE_SCALE.very_strong, size, ratio)))
+        evidence = Evidence(gain, EVIDENCE_SCALE.very_strong, size, ratio, -sum(rises.values()))
+        if evidence.total > evidence.threshold and size > 1.0 and not contradicted(rises):
+            named.append(NamedZero(channel, evidence))
     if not named:
         return chosen.base, ()
     before = without_zeros(chosen.base, [one.channel for one in named], kept)

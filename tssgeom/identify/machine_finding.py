@@ -33,6 +33,7 @@ from tssgeom.identify.machine_evidence import (
     changes,
     delta_bic,
     held_out_ratio,
+    held_out_rises,
     noise_of,
     own_numbers,
 )
@@ -107,7 +108,7 @@ class MachineWork:
         after = calibration_of(model.problem, model.state)
         base = dict(_base_numbers(after, model))
         effects = (*self._parts(after), *self._named_zeros(after))
-        effects = tuple(sorted(effects, key=lambda one: -one.evidence.delta_bic))
+        effects = tuple(sorted(effects, key=lambda one: -one.evidence.total))
         close = [other.part for step in self.chosen.steps for other in step.tied]
         left = _left(misfit, "after")
         verdict = self._verdict(effects, close, left)
@@ -164,7 +165,9 @@ class MachineWork:
             return Evidence(math.inf, EVIDENCE_SCALE.very_strong, math.inf, math.nan)
         whole = reordered(model, which)
         size = max(changes(less, whole).values())
-        return Evidence(delta_bic(less, whole), EVIDENCE_SCALE.very_strong, size, held_out_ratio(less, whole))
+        gain, ratio = delta_bic(less, whole), held_out_ratio(less, whole)
+        fall = -sum(held_out_rises(less, whole).values())
+        return Evidence(gain, EVIDENCE_SCALE.very_strong, size, ratio, fall)
 
     def _named_zeros(self, after: MachineCalibration) -> Iterator[Candidate]:
         for zero in self.zeros:
@@ -192,7 +195,7 @@ class MachineWork:
         named = {part.label for part in self.chosen.model.parts}
         first = self.chosen.steps[0]
         top = max((one.evidence for one in first.tried), default=0.0)
-        for one in first.tried:
+        for one in sorted(first.tried, key=lambda each: -each.evidence):
             yield _ranked(one, top, chosen=one.part.label in named)
 
     def _traces(self, noise: Mapping[str, float]) -> Iterator[Trace]:
@@ -277,7 +280,7 @@ def _base_numbers(after: MachineCalibration, model: FittedModel) -> Iterator[tup
 def _ranked(one: TriedPart, top: float, *, chosen: bool) -> Candidate:
     after = calibration_of(one.model.problem, one.model.state)
     effect = one.part.effect if isinstance(one.part.effect, RigNumber) else one.model.rig.effects[-1]
-    evidence = Evidence(one.delta_bic, EVIDENCE_SCALE.very_strong, one.size, one.held_ratio)
+    evidence = Evidence(one.delta_bic, EVIDENCE_SCALE.very_strong, one.size, one.held_ratio, -one.rise)
     less = f"its ΔBIC, held-out readings included, is {top - one.evidence:.0f} below the best."
     why = "" if chosen else one.why_not or less
     return Candidate((one.part.name,), (effect,), (_numbers(one.part, after),), evidence, why)

@@ -6,10 +6,12 @@ import inspect
 import math
 from collections.abc import Mapping
 
+from tssgeom.core.constants import CHANCE
 from tssgeom.effects import KINDS, AnyEffect, chosen
 from tssgeom.identify.finding import (
     Candidate,
     Estimate,
+    Evidence,
     Experiment,
     Finding,
     Misfit,
@@ -18,8 +20,8 @@ from tssgeom.identify.finding import (
     Tie,
 )
 from tssgeom.identify.machine_parts import MEANINGS
-from tssgeom.identify.misfit import UNINFORMATIVE, held_out_change
-from tssgeom.identify.verdict import parameter, plain
+from tssgeom.identify.misfit import UNINFORMATIVE, beyond_noise, held_out_change
+from tssgeom.identify.verdict import parameter, plain, times
 from tssgeom.view.quantities import CHANNELS, Quantity, quantity
 
 VERDICTS = {
@@ -32,6 +34,8 @@ VERDICTS = {
 }
 
 
+TOTAL = "ΔBIC, held-out runs included"
+"""What candidates are ordered by, in tables and figures."""
 _UNITS = {
     "m": ("mm", 1e3),
     "m/N": ("µm/N", 1e6),
@@ -168,6 +172,7 @@ def next_steps(finding: Finding) -> list[str]:
         steps.append(
             f"Repeat {names}, and add a fitted run on route {held[0].route}: the misfit there stays."
         )
+    steps += _remainder(finding)
     if not steps and finding.verdict == "law":
         steps.append("Use the new rig within what the law was learnt from; --propose designs the next run.")
     return steps or [
@@ -175,6 +180,30 @@ def next_steps(finding: Finding) -> list[str]:
         if finding.verdict == "none"
         else "No further measurement separates this effect from the others of the library: use the new rig."
     ]
+
+
+def _remainder(finding: Finding) -> list[str]:
+    """Write what the chosen effects leave, and where most is, where that is clearly beyond the noise."""
+    misfit, group = finding.misfit, judged_runs(finding.misfit)
+    rms = {name: each for name, each in misfit.after[group].items() if misfit.noise[name] > 0.0}
+    before, after = (beyond_noise(side[group], misfit.noise) for side in (misfit.before, misfit.after))
+    if not finding.effects or not CHANCE.clear < after < before:
+        return []
+    worst = max(rms, key=lambda name: rms[name] / misfit.noise[name])
+    phases = misfit.by_phase.get(worst, {})
+    where = channel(worst).symbol
+    if phases:
+        where += f" in the phase {plain(max(phases, key=lambda name: phases[name][1]))}"
+    runs = "runs that were not fitted" if group == "held_out" else "the fitted runs"
+    return [
+        f"The new rig helps, but something remains: {times(after)} the noise on {runs}, most of it in "
+        f"{where}. Vary one thing alone (tension, rate, route, cycles), and see whether that grows."
+    ]
+
+
+def total(evidence: Evidence) -> str:
+    """Write the evidence for a candidate, held-out runs included [1]."""
+    return f"{evidence.total:.0f}" if math.isfinite(evidence.total) else "contradicted"
 
 
 def _separating(each: Experiment) -> str:

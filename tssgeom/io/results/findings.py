@@ -157,6 +157,7 @@ def _estimate(each: Estimate) -> Number:
 def _evidence(each: Evidence) -> EvidenceOf:
     return {
         "delta_bic": each.delta_bic,
+        "held_out_fall": each.held_out_fall,
         "threshold": each.threshold,
         "size_over_guard": each.size_over_limit,
         "heldout_ratio": each.heldout_ratio,

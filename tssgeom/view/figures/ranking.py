@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -22,17 +24,17 @@ def listed_candidates(finding: Finding) -> tuple[Candidate, ...]:
 
 
 def ranking_figure(finding: Finding) -> Figure:
-    """Draw how much each candidate lowers the information criterion, and what it has to pass."""
+    """Draw the evidence for each candidate, and what it has to pass."""
     with figure((PAGE, 0.75 + 0.24 * len(listed_candidates(finding)))) as drawing:
         legend_below(drawing, draw_ranking(drawing.subplots(), finding))
     return drawing
 
 
 def draw_ranking(axes: Axes, finding: Finding) -> Axes:
-    """Draw how much each of the first candidates lowers the information criterion, and its threshold."""
+    """Draw the evidence for each of the first candidates, held-out runs included, and its threshold."""
     candidates = listed_candidates(finding)
     rows = range(len(candidates))
-    gains = [each.evidence.delta_bic for each in candidates]
+    gains = [each.evidence.total if math.isfinite(each.evidence.total) else 0.0 for each in candidates]
     shades = [BLUE if words.is_selected(finding, each) else _PALE for each in candidates]
     axes.barh(rows, gains, color=shades, height=0.7)
     for k, each in enumerate(candidates):
@@ -40,7 +42,7 @@ def draw_ranking(axes: Axes, finding: Finding) -> Axes:
         axes.plot(bar, [k - 0.45, k + 0.45], color=ORANGE, linewidth=1.6, label="_" if k else "threshold")
         end, style = (max(gains[k], 0.0), k), {"va": "center", "fontsize": 7.5}
         axes.annotate(
-            f"{gains[k]:.0f}".replace("-", "\N{MINUS SIGN}"),
+            words.total(each.evidence).replace("-", "\N{MINUS SIGN}"),
             end,
             xytext=(3, 0),
             textcoords="offset points",
@@ -52,5 +54,5 @@ def draw_ranking(axes: Axes, finding: Finding) -> Axes:
         axes.set_xscale("symlog", linthresh=_LINEAR)
     axes.xaxis.set_major_formatter("{x:g}")
     axes.grid(visible=False, axis="y")
-    titles(axes, "What each effect gains, refitted through the model", "ΔBIC [1]", "")
+    titles(axes, "What each effect gains, refitted through the model", f"{words.TOTAL} [1]", "")
     return axes

@@ -71,7 +71,7 @@ def _effects(finding: Finding) -> str:
         "effect",
         "what it is",
         "parameters [95 % interval]",
-        "ΔBIC (threshold)",
+        f"{words.TOTAL} (threshold)",
         "size / detection limit",
         "held-out misfit, ratio",
     )
@@ -86,7 +86,7 @@ def _effect_rows(each: Candidate) -> list[list[str]]:
             words.meaning(name),
             "\n".join([*(f"{key} = {value}" for key, value in words.parameters(effect, reported).items())])
             or "–",
-            f"{observed.delta_bic:.0f} ({observed.threshold:.0f})",
+            f"{words.total(observed)} ({observed.threshold:.0f})",
             words.ratio(observed.size_over_limit),
             words.ratio(observed.heldout_ratio),
         ]
@@ -221,18 +221,18 @@ def _ranking(finding: Finding) -> str:
         [
             words.candidate(each),
             "chosen" if words.is_selected(finding, each) else each.why_not,
-            f"{each.evidence.delta_bic:.0f}",
+            words.total(each.evidence),
             words.ratio(each.evidence.size_over_limit),
             words.ratio(each.evidence.heldout_ratio),
         ]
         for each in reported
     ]
-    head = ("candidate", "why not", "ΔBIC", "size / detection limit", "held-out misfit, ratio")
+    head = ("candidate", "why not", words.TOTAL, "size / detection limit", "held-out misfit, ratio")
     more = len(finding.ranking) - len(reported)
     note = f'<p class="soft">and {more} more in report.json</p>' if more > 0 else ""
     alone = (
         "<p>Each is tried alone on the base model. “What acts” compares the model with and without the "
-        "effect, so that the two ΔBIC of one effect differ.</p>"
+        "effect.</p>"
         if _differs_alone(finding)
         else ""
     )
@@ -242,8 +242,8 @@ def _ranking(finding: Finding) -> str:
 
 def _differs_alone(finding: Finding) -> bool:
     """Whether an effect has another ΔBIC beside the others, or on the final model, than when tried alone."""
-    alone = {each.names: round(each.evidence.delta_bic) for each in finding.ranking}
-    return any(alone.get(each.names, -1) != round(each.evidence.delta_bic) for each in finding.effects)
+    alone = {each.names: words.total(each.evidence) for each in finding.ranking}
+    return any(alone.get(each.names) != words.total(each.evidence) for each in finding.effects)
 
 
 def _unobservable(finding: Finding) -> str:

@@ -28,6 +28,8 @@ class EvidenceOf(TypedDict):
 
     delta_bic: float | None
     """Fall of the Bayesian information criterion with the effect [1]."""
+    held_out_fall: float | None
+    """Fall of χ² of the held-out runs with the effect [1]; null where they contradict it."""
     threshold: float | None
     """Fall that the best of the library reaches on 1 % of campaigns without an effect [1]."""
     size_over_guard: float | None
