@@ -13,11 +13,11 @@ from typing import Literal
 
 import numpy as np
 
+from tests.random_courses import CELLS, RANDOM
 from tssgeom.arrays import Points, Vector
 from tssgeom.route import synthetic
 from tssgeom.route.synthetic import Course, chain
 
-_CELLS = 800  # arcs that stand for one random route
 _HARMONICS = 4
 _GRID = 4001
 
@@ -120,12 +120,12 @@ def _colon() -> Truth:
 
 def harmonic_course(rng: np.random.Generator) -> Course:
     """Draw half a metre with a few random harmonics in each component of the curvature vector."""
-    t = (np.arange(_CELLS) + 0.5) / _CELLS
+    t = (np.arange(CELLS) + 0.5) / CELLS
     wave = np.arange(_HARMONICS)[:, None] * np.pi * t
     size = 12.0 / np.sqrt(_HARMONICS) * rng.standard_normal((2, _HARMONICS))
     phase = rng.uniform(0.0, 2 * np.pi, (2, _HARMONICS))
     bend = np.einsum("ck,ckt->tc", size, np.cos(wave + phase[:, :, None]))
-    return Course(np.full(_CELLS, 0.5 / _CELLS), bend)
+    return Course(np.full(CELLS, 0.5 / CELLS), bend)
 
 
 _FIXED: dict[str, Callable[[], Truth]] = {
@@ -147,28 +147,10 @@ def _fixed(name: str) -> Truth:
     return _FIXED[name]()
 
 
-def _random_pieces(rng: np.random.Generator) -> Truth:
-    """Draw half a metre of one to six pieces, each in a bending plane of its own."""
-    count = rng.integers(1, 7)
-    length = 0.5 * rng.dirichlet(np.full(count, 4.0))
-    course = chain(length, rng.uniform(0.0, 20.0, count), rng.uniform(0.0, 2.0 * np.pi, count))
-    return of_arcs(course, piecewise=False)  # so many pieces need not show in a few points
-
-
-def _slopes(rng: np.random.Generator) -> Truth:
-    """Draw half a metre of curvature that is linear between four values, in a plane or slowly out of it."""
-    t, nodes = (np.arange(_CELLS) + 0.5) / _CELLS, np.linspace(0.0, 1.0, 4)
-    kappa = np.interp(t, nodes, rng.uniform(1.0, 8.0, 4))
-    plane = rng.choice([0.0, 1.0]) * np.interp(t, nodes, rng.uniform(-0.5, 0.5, 4))
-    return of_arcs(chain(np.full(_CELLS, 0.5 / _CELLS), kappa, plane), piecewise=False)
-
-
 def truth(name: str, rng: np.random.Generator) -> Truth:
-    """Return the named route; "harmonics", "pieces" and "slopes" are new ones at each call, from `rng`."""
-    if name == "harmonics":
-        return of_arcs(harmonic_course(rng), piecewise=False)
-    random = {"pieces": _random_pieces, "slopes": _slopes}.get(name)
-    return _fixed(name) if random is None else random(rng)
+    """Return the named route; random ones are new at each call, from `rng`."""
+    course = {"harmonics": harmonic_course, **RANDOM}.get(name)
+    return _fixed(name) if course is None else of_arcs(course(rng), piecewise=False)
 
 
 Stations = Literal["known", "even", "jitter", "random"]
@@ -308,6 +290,10 @@ def _new_routes() -> Iterator[Cell]:
         for n in (5, 8, 12, 20, 40):
             for noise in (2e-5, 2e-4, 2e-3):
                 yield Cell("few points", route, n, noise, "jitter", noise_known=False)
+    for n in (5, 8, 12, 20):
+        for known in (True, False):
+            group = f"alternating arcs, noise {'known' if known else 'unknown'}"
+            yield Cell(group, "alternating", n, 2e-4, "jitter", noise_known=known)
     for n in (20, 60, 150):
         for noise in (5e-5, 2e-4, 1e-3):
             yield Cell("weakly bent", "slopes", n, noise, "jitter", noise_known=False)

@@ -118,7 +118,7 @@ def test_a_chain_without_evidence_leaves_the_others(tried, monkeypatch):
 def test_intervals_of_an_s_bend_hold_its_angle_where_noise_hides_its_straights(n):
     """A smooth route and one of fewer pieces explain the points as well, and turn more."""
     off, longer = list[float](), list[float]()
-    for seed in range(24):
+    for seed in range(48):
         arcs = measure(clean(sensed(S_BEND, n, NOISE, seed)), NOISE).arcs
         off.append((arcs.total_angle - S_BEND.total_angle) / arcs.total_angle_se)
         longer.append((arcs.total_length - S_BEND.total_length) / arcs.total_length_se)

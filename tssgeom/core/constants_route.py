@@ -179,6 +179,9 @@ class AngleErrors(NamedTuple):
     """Relative error of an exact circle over the fourth power of its turn a point [1/rad⁴]. Fitted."""
     sparse: float = 0.1
     """Standard error for each rad⁵ of uneven turns from point to point [rad/rad⁵]. Fitted; model.md (26)."""
+    most_sparse: float = 0.3
+    """Share of Φ up to which that counts [1]. Chosen: priors of the curvature hold what is more;
+    model.md (26)."""
     typical_peak: float = 2.0
     """Peak of the rate of curvature over its root mean square on smooth routes [1]. Fitted; model.md (26)."""
     lost: float = 0.33

@@ -285,9 +285,10 @@ status tss_curvature_profile(
     int64_t count = joint_count - 1, stride = 2 * count, peak;
     double lost = curvature_on_nodes(n, s, tangent, bend, covariance, freedom, tangent_share, kappa, phi, kappa_se, rectified, &peak);
     double turn = phi[n - 1] / (double)(points - 1);
+    double uneven = ANGLE_ERRORS.sparse * uneven_turns(n, s, phi, points, station) / most(phi[n - 1], 1e-300);
     double relative = squared(shared_angle_error) +
                       squared(ANGLE_ERRORS.natural_ends * squared(squared(turn)) + ROUNDING.relative) +
-                      squared(ANGLE_ERRORS.sparse * uneven_turns(n, s, phi, points, station) / most(phi[n - 1], 1e-300));
+                      squared(least(uneven, ANGLE_ERRORS.most_sparse));
     double *lengths = &piece_covariance[0][0], *angles = lengths + count * stride + count;
     for (int64_t i = 0; i < stride * stride; i++) lengths[i] = 0.0;
     double of_length = angle_covariance(

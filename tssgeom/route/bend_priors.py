@@ -18,8 +18,8 @@ from tssgeom.route.error_posterior import GRID
 class Oscillation:
     """Which waves of the curvature are tried."""
 
-    lengths: int = 5
-    """Wave lengths from two half waves over the route to one from point to point, each as likely. Chosen: a
+    lengths: int = 6
+    """Wave lengths from two half waves over the route to two from point to point, each as likely. Chosen: a
     factor of 2.1 apart at most."""
     coherent: float = 2.0
     """Waves over which amplitude and phase are alike [1]. Chosen: arcs that alternate differ in size."""
@@ -27,6 +27,7 @@ class Oscillation:
 
 OSCILLATION = Oscillation()
 _FEWEST = 2.0  # half waves over the route: bends that alternate are two at least
+_MOST = 2.0  # half waves from point to point, where a route may bend to one side and back
 _FORMS = (math.pi / 4.0, 1.0, math.pi**2 / 8.0)
 """Turn of bends that alternate over that of a sine of the same first harmonic, each as likely: at points
 alone, a sine, arcs [1]; docs/model.md (254)."""
@@ -65,11 +66,16 @@ def walk(order: int, turn: float) -> Prior:
 
 
 def oscillations(points: int) -> tuple[Prior, ...]:
-    """Return curvature that oscillates, for each wave length that so many points may show; (229)."""
-    most = max(points - 1.0, _FEWEST)
+    """Return curvature that oscillates, for each wave length that so many points do not exclude; (229)."""
     none = np.zeros((GRID.nodes, 0))
-    half_waves = np.geomspace(_FEWEST, most, OSCILLATION.lengths)
+    half_waves = _FEWEST * _apart(points) ** np.arange(OSCILLATION.lengths)
     return tuple(Prior(_oscillating(float(one)), none, float(one)) for one in half_waves)
+
+
+def _apart(points: float) -> float:
+    """Return the ratio of neighbouring wave lengths that are tried."""
+    most = _MOST * max(points - 1.0, 1.0)
+    return max(most / _FEWEST, 1.0) ** (1.0 / (OSCILLATION.lengths - 1))
 
 
 @cache
@@ -94,7 +100,7 @@ def form_of(
 ) -> Vector:
     """Return what bends turn over sines of the same first harmonic, for each draw [draws]; (254).
 
-    It is 1 where the points show the form, by the third harmonic.
+    It is 1 where the points show the form, by the third harmonic, for all waves that are as near.
 
     Parameters
     ----------
@@ -111,5 +117,5 @@ def form_of(
         return np.ones(bend.shape[2])
     size = np.sqrt(2.0 * np.mean(np.sum(bend**2, axis=1), axis=0)) / (math.pi * half_waves) ** 2
     visible = _THIRD * size * math.sqrt(0.5 * points) > CHANCE.clear * noise
-    visible &= 3.0 * half_waves <= points - 1.0
+    visible &= 3.0 * half_waves * math.sqrt(_apart(points)) <= points - 1.0
     return np.where(visible, 1.0, rng.choice(_FORMS, bend.shape[2]))

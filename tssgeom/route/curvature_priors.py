@@ -60,6 +60,16 @@ class _Linear(NamedTuple):
     """Feet of the points [n]."""
 
 
+class _Turns(NamedTuple):
+    """What draws of the curvature turn [draws]; lengths are over that of the first fit."""
+
+    angle: Vector
+    """Φ [rad]."""
+    length: Vector
+    between: Vector
+    """Greatest turn between two points [rad]."""
+
+
 class _Posterior(NamedTuple):
     """What points show of the components, whatever the start of the route."""
 
@@ -95,16 +105,19 @@ def turned_between(points: Points, smooth: RouteFit, noise: float | None) -> tup
         waves = oscillations(int(np.count_nonzero(used)))
         priors = ((at_points(linear.station),), (walk(1, turn),), waves, (walk(2, turn),))
         every = [[_posterior(linear, one, noises, price) for one in alike] for alike in priors]
-        moments = [_moments(*_sampled(alike, noises, rng), linear.station, curve) for alike in every]
+        draws = [_turns(*_sampled(alike, noises, rng), linear.station, curve) for alike in every]
     evidence = [log_sum(_log_evidence(alike).ravel()) - math.log(len(alike)) for alike in every]
-    widest = float(np.diff(linear.station).max()) / curve.length
-    if moments[-2][0] * widest > STATIONS.most_turn_over_chord:  # it would wind between points
-        evidence[-2] = -math.inf
+    draws[-2], share = _observed(draws[-2])
+    evidence[-2] += math.log(share) if share > 0.0 else -math.inf
     return tuple(
         Turned(
-            angle - arcs.total_angle, of_angle, unit * length - arcs.total_length, unit**2 * of_length, known
+            float(one.angle.mean()) - arcs.total_angle,
+            float(one.angle.var()),
+            unit * float(one.length.mean()) - arcs.total_length,
+            unit**2 * float(one.length.var()),
+            known,
         )
-        for (angle, of_angle, length, of_length), known in zip(moments, evidence, strict=True)
+        for one, known in zip(draws, evidence, strict=True)
     )
 
 
@@ -267,12 +280,10 @@ def _sampled(
     return np.concatenate(every, axis=2), np.concatenate(form)
 
 
-def _moments(
-    bend: np.ndarray, form: Vector, station: Vector, curve: _Curve
-) -> tuple[float, float, float, float]:
-    """Mean and variance of Φ and of the length over draws of the curvature [cells, 2, draws]; (237)."""
+def _turns(bend: np.ndarray, form: Vector, station: Vector, curve: _Curve) -> _Turns:
+    """Turn and length of draws of the curvature [cells, 2, draws], and their turn between points; (237)."""
     nodes, step = _nodes(curve), curve.length / len(bend)
-    angle = step * form * np.linalg.norm(bend, axis=1).sum(axis=0)
+    turn = step * form * np.linalg.norm(bend, axis=1)
     chords = float(step_lengths(rows_at(station, nodes.s, nodes.position)).sum())
     turned = np.cumsum(bend, axis=0) * step
     interval = np.clip(
@@ -281,4 +292,12 @@ def _moments(
     within = (interval[:, None] == interval).astype(np.float64)
     off = turned - np.tensordot(within / within.sum(axis=1, keepdims=True), turned, 1)
     length = chords + 0.5 * step * np.sum(off**2, axis=(0, 1))
-    return float(angle.mean()), float(angle.var()), float(length.mean()), float(length.var())
+    return _Turns(turn.sum(axis=0), length, (within @ turn).max(axis=0))
+
+
+def _observed(draws: _Turns) -> tuple[_Turns, float]:
+    """Return the draws that do not wind between two points, and their share; all where there is none."""
+    straight = draws.between <= STATIONS.most_turn_over_chord
+    if not straight.any():
+        return draws, 0.0
+    return _Turns(*(one[straight] for one in draws)), float(straight.mean())

@@ -36,6 +36,7 @@ from tssgeom.route.model_choice import (
 from tssgeom.route.observations import Shape, are_few, order_warnings, outlier_warnings
 from tssgeom.route.order import order_warning
 from tssgeom.route.pieces import Arcs, smooth_geometry
+from tssgeom.route.plane import noise_of_plane
 from tssgeom.route.ratio_average import averaged
 from tssgeom.route.resolution import SharedErrors
 from tssgeom.route.route import Route, step_lengths, stretched
@@ -98,7 +99,7 @@ def measure(shape: Shape, noise: float | None = None, method: Method = "auto") -
 
     Notes
     -----
-    Source: docs/model.md (34).
+    Source: docs/model.md (34), (256).
 
     Examples
     --------
@@ -110,6 +111,10 @@ def measure(shape: Shape, noise: float | None = None, method: Method = "auto") -
     3.1416
     """
     fit = _fitted(shape, noise, method)
+    across = noise_of_plane(shape, fit) if noise is None else None
+    if across is not None:
+        with suppress(FitError):
+            fit = _fitted(shape, across, method)
     unordered = order_warning(shape.points) if shape.stations is None else None
     return fit if unordered is None else fit.warned(unordered)
 

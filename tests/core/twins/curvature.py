@@ -48,7 +48,8 @@ def _profile(
     lost = ERRORS.lost * max(math.sqrt(highest) - ERRORS.typical_peak * math.sqrt(whole), 0.0) * window**2
     turn = phi[n - 1] / (len(station) - 1)
     relative = shared_angle_error**2 + (ERRORS.natural_ends * turn**4 + ROUNDING.relative) ** 2
-    relative += (ERRORS.sparse * _uneven_turns(s, phi, station) / max(phi[n - 1], 1e-300)) ** 2
+    uneven = ERRORS.sparse * _uneven_turns(s, phi, station) / max(phi[n - 1], 1e-300)
+    relative += min(uneven, ERRORS.most_sparse) ** 2
     normal, slant = _sensitivity(bend, tangent, known)
     variance, _ = _angle_covariance(s, covariance, gain, normal, slant, np.array([0, n - 1]))
     factor = _unknown_prior(freedom)
