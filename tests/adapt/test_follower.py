@@ -43,14 +43,16 @@ def test_wrong_friction_is_right_within_twenty_seconds():
         ("kinked_sheath", "route_angle", "m from the proximal end"),
         ("unplugged_tension_in_N", "sensor", "tension_in_N"),
         ("unplugged_displacement_in_m", "sensor", "displacement_in_m"),
+        ("unplugged_tension_out_N", "sensor", "tension_out_N"),
         ("wrong_shape", "sensed_angle", "shape"),
     ],
 )
 def test_a_fault_is_detected_in_time_and_named(kind, mechanism, where):
     scenario = scenarios.FAULTS[kind](1, 0.04)
-    follower, first, acts = Follower(rig_of(scenario)), None, scenarios.acts_s(scenario)
+    channels = ("tension_in_N", "displacement_in_m", *([where] if where == "tension_out_N" else []))
+    follower, first, acts = Follower(rig_of(scenario)), None, scenarios.acts_s(scenario, channels)
     assert acts is not None
-    for i, _ in followed(scenario, follower, acts + 14.0):
+    for i, _ in followed(scenario, follower, acts + 14.0, tension_out=len(channels) > 2):
         if first is None and follower.alert is not None:
             first = float(scenario.times[i])
     assert first is not None

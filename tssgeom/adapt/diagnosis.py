@@ -117,6 +117,13 @@ def explained(
         yield (Explanation("sensor", channel, 1.0, words, sound),)
         return
     run = by.run(sound, after)
+    stands = _standing(run, sound)
+    if stands is not None:
+        channel, words = stands
+        sound.muted.add(channel)
+        yield from _through(sound, after)
+        yield (Explanation("sensor", channel, 1.0, words, sound),)
+        return
     fits = list[_Fit]()
     for hypothesis in by.hypotheses(sound, moments, since):
         for fit in _fitted(run, hypothesis):
@@ -155,6 +162,27 @@ def explained(
         )
         for mechanism, fit in sorted(likeliest.items(), key=lambda each: -shares[each[0]])
     )
+
+
+def _standing(run: RunFromHere, sound: Ensemble) -> tuple[str, str] | None:
+    """Return the sensor that stands where the rig moves what it reads, and that in words."""
+    rig = sound.rig_now()
+    distances = run.distances(rig)
+    for name, read, predicted in run.ranges(rig):
+        others = [one for channel, one in distances.items() if channel != name]
+        if (
+            len(read) >= DIAGNOSIS.fewest
+            and np.ptp(read) <= DIAGNOSIS.still
+            and np.ptp(predicted) > DIAGNOSIS.moved
+            and all(one < math.sqrt(DIAGNOSIS.senseless) for one in others)
+        ):
+            noise = math.sqrt(noise_variance(sound.rig.sensors.get(name)))
+            moved = f"{np.ptp(predicted) * noise:.3g}"
+            return (
+                name,
+                f"{name} stands at {read[-1] * noise:.4g} while the rig moves what it reads by {moved}",
+            )
+    return None
 
 
 def _senseless(run: RunFromHere, sound: Ensemble, by: Means) -> tuple[str, Ensemble | None]:

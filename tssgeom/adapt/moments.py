@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import compress
 from typing import Any, NamedTuple
 
@@ -100,7 +100,8 @@ class RunFromHere(ABC):
         self._readings = np.array([self._read(after[i].readings, sound.muted) for i in chosen]).T
         self._readings[:, ~_has_grown(times)] = math.nan
         variances = [noise_variance(sensors.get(one)) for one in channels]
-        self._sd_of = np.sqrt(np.maximum(variances, 1e-12))[:, None] * np.ones(len(chosen))
+        self._noise = np.sqrt(np.maximum(variances, 1e-12))
+        self._sd_of = self._noise[:, None] * np.ones(len(chosen))
         self._weigh(sound)
 
     @property
@@ -113,6 +114,15 @@ class RunFromHere(ABC):
         off = np.abs(self._readings - self._predicted(rig, self._drive)) / self._sd_of
         read = zip(self._channels, off, strict=True)
         return {name: float(np.nanmedian(one)) for name, one in read if np.isfinite(one).any()}
+
+    def ranges(self, rig: Rig) -> Iterator[tuple[str, Vector, Vector]]:
+        """Yield each channel with what was read and what a rig predicts for it, in its noises [1]."""
+        predicted = self._predicted(rig, self._drive)
+        for name, read, there, noise in zip(
+            self._channels, self._readings, predicted, self._noise.tolist(), strict=True
+        ):
+            used = np.isfinite(read)
+            yield name, read[used] / noise, there[used] / noise
 
     def left(self, rig: Rig) -> Vector:
         """Return the standardised residuals of a rig, less for moments that count as one.
