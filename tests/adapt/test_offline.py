@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
-from tests.adapt.cases import columns_of, follow, rig_of, route_of, scores
+from tests.adapt.cases import BEGIN_S, columns_of, follow, rig_of, route_of, scores
 from tests.twins import drifting_friction, drifting_zeros, machine, sound, wet_sheath
 from tssgeom.adapt.offline import RunColumns, RunFollower
 from tssgeom.errors import SettingsError
@@ -34,16 +35,18 @@ def test_friction_is_followed_to_3_percent_and_the_zero_to_10_millinewtons(case)
 def test_all_readings_give_more_than_those_up_to_a_time(case):
     _, _, filtered, smoothed = case
     assert np.all(smoothed.rms < filtered.rms)
-    # the filter adds drift every 0.05 s only, and its spread then steps past that of the smoothing
-    assert np.all(smoothed.se <= 1.03 * filtered.se)
+    # not at each moment: later readings also show a drift that was not known of then
+    assert np.all(smoothed.se.mean(axis=0) < filtered.se.mean(axis=0))
+    np.testing.assert_allclose(smoothed.se[-1], filtered.se[-1], rtol=1e-9)
 
 
-def test_bands_hold_the_truth_at_least_as_often_as_they_promise(case):
-    # the drifts are slower than the random walk that the rig states, so the bands are too wide
-    _, _, filtered, smoothed = case
+def test_bands_hold_the_truth_about_as_often_as_they_promise(case):
+    scenario, _, filtered, smoothed = case
+    free = 2.0 * (scenario.times[-1] - BEGIN_S) / 60.0  # two numbers
+    low, high = chi2.ppf([0.025, 0.975], free) / free
     for one in (filtered, smoothed):
-        assert np.all(one.coverage > 0.93)
-        assert 0.05 < one.nees.mean() < 1.3
+        assert np.all(one.coverage > 0.85)  # an error lasts a minute, and few of them are in one run
+        assert low < one.nees.mean() < high
 
 
 def test_the_distal_tension_is_known_in_each_row_though_it_is_not_measured(case):

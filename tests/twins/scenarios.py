@@ -77,6 +77,14 @@ def drifting_friction(
     return _run(f"drifting_friction_{course}", seed, hours, Plan((drift,)))
 
 
+def rising_friction(seed: int, hours: float = 1.0, begins_s: float = 0.0, in_minute: float = 0.2) -> Scenario:
+    """Friction rises from `begins_s` [s] on, by the share `in_minute` of its nominal value in each minute."""
+    end = hours * HOUR_S
+    when = np.array([-1.0, begins_s, end])
+    rise = Change("friction", when, 1.0 + in_minute / 60.0 * np.maximum(when - begins_s, 0.0))
+    return _run("rising_friction", seed, hours, Plan((rise,)))
+
+
 def drifting_zeros(seed: int, hours: float = 1.0) -> Scenario:
     """The zeros of T_in and T_out drift by 0.1 to 0.3 N within an hour."""
     return _run("drifting_zeros", seed, hours, Plan(zeros=_zeros(seed, hours)))

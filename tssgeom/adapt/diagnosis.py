@@ -222,7 +222,12 @@ def _followed(sound: Ensemble, best: _Fit) -> Ensemble:
         return sound
     se = np.sqrt(np.diag(best.covariance)).tolist()
     sought = {
-        number.key: replace(number, value=value, sd=max(2.0 * u * number.sd, 0.02 * number.sd))
+        number.key: replace(
+            number,
+            value=value,
+            sd=max(2.0 * u * number.sd, 0.02 * number.sd),
+            hourly_change=max(number.hourly_change, number.sd),  # what has begun may go on
+        )
         for number, value, u in zip(one.numbers, best.values, se, strict=True)
     }
     followed = sound.with_more([new for key, new in sought.items() if key not in sound.keys], one.rig)

@@ -1,4 +1,4 @@
-"""How fast followed numbers drift, by how far their estimates go; docs/model.md (253)."""
+"""How fast followed numbers drift, and how far estimates are then off; docs/model.md (253), (268), (269)."""
 
 from __future__ import annotations
 
@@ -6,79 +6,145 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tssgeom.arrays import Matrix, Vector
+from tssgeom.core.constants import CHANCE
 
 
 class DriftSettings(NamedTuple):
     """Numbers of the estimate of a drift."""
 
-    span: float = 3.0
-    """Length of an interval, over the time for which the filter remembers a number [1]. Chosen: estimates at
-    both ends then have errors of their own."""
-    intervals: float = 30.0
-    """Intervals over which the mean is taken [1]. Chosen: the variance is then known to a third."""
-    prior: float = 4.0
-    """Intervals for which what the rig states counts at the start [1]; chosen."""
-    steady: float = 2.0
-    """Variance at the begin of an interval, over that at its end, above which it does not count [1]. Chosen:
-    the filter is not steady then."""
-    most: float = 10.0
-    """Most that an interval counts as [1]. Chosen: a tenth of all with a drift as stated would be beyond 2.7,
-    one in 600 beyond this."""
-    least: float = 1e-3
-    """Least variance of a drift, over that which is stated [1]. Chosen: a thirtieth in a number, so that one
-    that begins to drift is followed within minutes."""
+    shares: tuple[float, ...] = (0.0, *(10.0 ** (0.5 * i) for i in range(-6, 4)))
+    """Variances of a drift that are compared, over that which the rig states [1]. Chosen: from none to six
+    times as fast; a fault is faster yet."""
+    none: float = 0.5
+    """Probability at the start that a number does not drift at all [1]; chosen: each as likely."""
+    faster: float = 0.05
+    """Probability at the start that it drifts faster than the rig states [1]; chosen: one rig in 20."""
+    changes: float = 1e-4
+    """Probability in a second that its rate becomes another one [1/s]; chosen: once in hours."""
+    least: float = 1e-2
+    """Least variance of a drift for which the filter is made, over that which is stated [1]. Chosen: a tenth
+    in a number, so that one that begins to drift is followed within a minute."""
+
+    most: float = 1.0
+    """Most variance of a drift for which the filter is made, over that which is stated [1]. Chosen: what goes
+    faster widens the bars, and a fault is left to the watch."""
+
+    @property
+    def prior(self) -> Vector:
+        """[shares] Probability of each at the start."""
+        share = np.array(self.shares)
+        faster, rest = share > 1.0, (share > 0.0) & (share <= 1.0)
+        slower = 1.0 - self.none - self.faster
+        return self.none * (share == 0.0) + self.faster * faster / faster.sum() + slower * rest / rest.sum()
 
 
 DRIFT = DriftSettings()
-_COUNT, _SCALE, _BEGIN, _VALUE, _VARIANCE = range(5)
+KEPT = ("chances", "means", "spreads", "last", "waiting")
+"""What a rate consists of beside what is stated."""
+_SHARES, _PRIOR = np.array(DRIFT.shares), DRIFT.prior
+_ROUNDING = 1e-9  # of a variance [1]; derived: far above that of sums over 64 members
+_VALUE, _VARIANCE, _RATIO, _SHARE = range(4)
 
 
 class DriftRate:
-    """Estimates the variance of the drift of each number, as a share of that which the rig states.
+    """Follows each number once more for every rate at which it may drift, and compares these rates.
 
     Parameters
     ----------
     stated
-        [d] Variance of the change in a second, as stated: the most that is expected.
+        [d] Variance of the change in a second, as stated.
     """
 
     def __init__(self, stated: Vector) -> None:
         self.stated = stated
-        self.rows: Matrix = np.tile([DRIFT.prior, 1.0, math.nan, 0.0, 0.0], (len(stated), 1))
-        """[d, 5] Intervals so far and the mean share over them; time, value and variance at the begin of this
-        one."""
+        d = len(stated)
+        self.chances: Matrix = np.tile(_PRIOR, (d, 1))
+        """[d, shares] Probability of each share."""
+        self.means: Matrix = np.zeros((d, len(_SHARES)))
+        self.spreads: Matrix = np.zeros((d, len(_SHARES)))
+        """[d, shares] Value and variance of each number, if its drift has that share."""
+        self.last: Matrix = np.tile([0.0, math.nan, 1.0, float(_PRIOR @ _SHARES)], (d, 1))
+        """[d, 4] Value and variance of the filter after the last drift, NaN before any, the true variance
+        over it, and the share for which the filter is made."""
+        self.waiting: Matrix = np.zeros((d, 1))
+        """[d, 1] Time for which drift has not been added yet [s]."""
+
+    @property
+    def rows(self) -> Matrix:
+        """[d, …] All of it but what is stated."""
+        return np.hstack([getattr(self, name) for name in KEPT])
+
+    def set_rows(self, rows: Matrix) -> None:
+        """Set all of it to what `rows` was."""
+        at = np.cumsum([getattr(self, name).shape[1] for name in KEPT])
+        for name, part in zip(KEPT, np.split(rows, at[:-1], axis=1), strict=True):
+            setattr(self, name, part.copy())
 
     @property
     def variance(self) -> Vector:
-        """[d] Variance of the change in a second."""
-        return self.stated * np.minimum(np.maximum(self.rows[:, _SCALE], DRIFT.least), 1.0)
+        """[d] Variance of the change in a second for which the filter is made."""
+        return self.stated * self.last[:, _SHARE]
+
+    def spread(self, variances: Vector) -> tuple[Vector, Vector]:
+        """Return variances [d] with the drift that waits, and true ones over them; docs/model.md (268)."""
+        waiting = self.waiting[:, 0]
+        whole = variances + self.variance * waiting
+        true = variances * self.last[:, _RATIO] + self.stated * (self.chances @ _SHARES) * waiting
+        return whole, np.divide(true, whole, out=np.ones_like(whole), where=whole > 0.0)
 
     def restart(self) -> None:
-        """Begin new intervals: numbers were set."""
-        self.rows[:, _BEGIN] = math.nan
+        """Begin anew with what is known of the numbers, which were set; rates stay."""
+        self.last[:, _VARIANCE], self.last[:, _RATIO] = math.nan, 1.0
 
     def with_more(self, stated: Vector) -> DriftRate:
         """Return the same with further numbers."""
-        other = DriftRate(np.concatenate((self.stated, stated)))
-        other.rows[: len(self.rows)] = self.rows
+        other, count = DriftRate(np.concatenate((self.stated, stated))), len(self.stated)
+        for name in KEPT:
+            getattr(other, name)[:count] = getattr(self, name)
         return other
 
-    def take(self, time: float, values: Vector, variances: Vector) -> None:
-        """Take in what is known at a time [s]: values [d] and their variances [d]."""
-        for row, stated, now, value, variance in zip(
-            self.rows, self.stated.tolist(), self.variance.tolist(), values, variances, strict=True
-        ):
-            if stated == 0.0 or variance == 0.0:
-                continue
-            span, remembered = time - row[_BEGIN], variance / now
-            if span < DRIFT.span * remembered:
-                continue
-            if row[_VARIANCE] <= DRIFT.steady * variance and not math.isnan(span):
-                moved = (value - row[_VALUE]) ** 2 + variance - row[_VARIANCE]
-                by_errors = -math.expm1(-span / remembered) * remembered
-                share = min((moved - now * by_errors) / (stated * (span - by_errors)), DRIFT.most)
-                row[_COUNT] = min(row[_COUNT] + 1.0, DRIFT.intervals)
-                row[_SCALE] += (share - row[_SCALE]) / row[_COUNT]
-            row[_BEGIN:] = time, value, variance
+    def wait(self, span: float) -> None:
+        """Let time pass [s] whose drift `take` adds."""
+        self.waiting += span
+
+    def take(self, drifts: NDArray[np.bool_], values: Vector, variances: Vector) -> Vector:
+        """Take in values [d] and variances [d] before a drift; return what it adds to the variances [d].
+
+        Parameters
+        ----------
+        drifts
+            [d] Whether the drift that waits is added.
+        """
+        if (begins := np.isnan(self.last[:, _VARIANCE])).any():
+            self.means[begins], self.spreads[begins] = values[begins, None], variances[begins, None]
+            self.last[begins, _VALUE], self.last[begins, _VARIANCE] = values[begins], variances[begins]
+        self._read(values, variances)
+        known = variances > 0.0
+        off = self.spreads + (self.means - values[:, None]) ** 2
+        np.divide((self.chances * off).sum(axis=1), variances, out=self.last[:, _RATIO], where=known)
+        span = np.where(drifts, self.waiting[:, 0], 0.0)
+        self.waiting[drifts] = 0.0
+        changed = np.minimum(DRIFT.changes * span, 1.0)[:, None]
+        self.chances += changed * (_PRIOR - self.chances)
+        self.last[:, _SHARE] = np.clip(self.chances @ _SHARES, DRIFT.least, DRIFT.most)
+        added = self.variance * span
+        self.spreads += np.outer(self.stated * span, _SHARES)
+        self.last[:, _VALUE], self.last[:, _VARIANCE] = values, variances + added
+        return added
+
+    def _read(self, values: Vector, variances: Vector) -> None:
+        """Let each rate take in what the filter has read since the last drift; docs/model.md (253), (269)."""
+        before, value = self.last[:, _VARIANCE], self.last[:, _VALUE]
+        used = (variances > 0.0) & (variances < (1.0 - _ROUNDING) * before)
+        before, value, variances, values = before[used], value[used], variances[used], values[used]
+        reading = (value + (values - value) * before / (before - variances))[:, None]
+        expected = (before * variances / (before - variances))[:, None] + self.spreads[used]
+        off, gain = reading - self.means[used], self.spreads[used] / expected
+        log = -0.5 * (np.minimum(off * off / expected, CHANCE.never**2) + np.log(expected))
+        self.means[used] += gain * off
+        self.spreads[used] *= 1.0 - gain
+        chances = self.chances[used] * np.exp(log - log.max(axis=1, keepdims=True))
+        self.chances[used] = chances / chances.sum(axis=1, keepdims=True)

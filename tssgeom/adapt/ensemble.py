@@ -130,7 +130,7 @@ class Ensemble(Members):
         """
         self._lie_on(at.arcs)
         passed = math.nan if math.isnan(self.time) else at.time - self.time
-        self._drift(SETTINGS.first_span if math.isnan(passed) else passed)
+        self._drift(SETTINGS.first_span if math.isnan(passed) else passed, self._driving)
         at, driven = self._used(at)
         drives = self._driving
         exact = at.readings.commanded or not any(one.noise for one in drives)

@@ -88,6 +88,12 @@ class FollowedNumber:
     upper: float
 
     @property
+    def of_sensor(self) -> bool:
+        """Whether it changes what a sensor reads, and nothing else."""
+        kind = KINDS.get(self.key.partition(".")[0])
+        return self.key.startswith("sensors.") or (kind is not None and kind.hook == "observation")
+
+    @property
     def scale(self) -> float:
         """A size of it that matters."""
         return max(self.sd, 0.01 * abs(self.value))

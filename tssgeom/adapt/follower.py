@@ -32,8 +32,9 @@ class FollowerSettings(NamedTuple):
     """Time between two copies of the filter [s]. Chosen: a fault is then at most so much younger."""
     comparisons: tuple[float, ...] = (1.5, 4.0, 8.0)
     """Times after an alarm at which mechanisms are compared [s]. Chosen: a stroke, and two more."""
-    sure: float = 0.8
-    """Probability from which the likeliest mechanism is taken into the rig [1]; chosen."""
+    sure: float = 0.95
+    """Probability from which the likeliest mechanism is taken into the rig [1]. Chosen: a fault that grows is
+    compared again once it is larger."""
     quiet: float = 60.0
     """Time without a disagreement after which an alert ends [s]. Chosen: several strokes."""
 
@@ -65,6 +66,8 @@ class Follower:
         self._alert: Alert | None = None
         self._concluded = False
         """Whether every comparison of an alert is done."""
+        self._adopted = False
+        """Whether its mechanism is in the rig."""
         self._alarmed = self._disagreed = math.nan
         self._compared = 0
         self._work: Iterator[tuple[Explanation, ...] | None] | None = None
@@ -198,9 +201,10 @@ class Follower:
         if disagreement is not None:
             self._disagreed = time
             if self._alert is None or (self._concluded and self._next is None):
-                since = disagreement.since
-                self._alert = Alert(disagreement.channel, since, self._phase(since))
-                self._alarmed, self._compared, self._concluded = time, 0, False
+                if self._alert is None or self._adopted:  # what is in the rig explains nothing further
+                    since = disagreement.since
+                    self._alert = Alert(disagreement.channel, since, self._phase(since))
+                self._alarmed, self._compared, self._concluded, self._adopted = time, 0, False, False
         elif self._is_over(time):
             self._alert, self._concluded = None, False
 
@@ -258,7 +262,7 @@ class Follower:
 
     def _adopt(self, following: Ensemble) -> None:
         """Go on with a filter in whose rig the likeliest mechanism is."""
-        self._filter, self._next = following, None
+        self._filter, self._next, self._adopted = following, None, True
         self._copies.clear()
         self.carried.restart(self.carried.sensed, self.rig)
         self._watch.restart(following.time)

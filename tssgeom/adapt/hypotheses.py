@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import msgspec
@@ -95,6 +95,21 @@ def numbering(sound: Ensemble) -> Numbering:
     return number
 
 
+def followed_so_far(sound: Ensemble, but: str) -> Iterator[FollowedNumber]:
+    """Yield what a filter follows, to be sought anew: a fault that grows slowly has been taken for drift.
+
+    Parameters
+    ----------
+    sound
+        The filter.
+    but
+        A number that is sought itself.
+    """
+    for one, value in zip(sound.numbers, sound.values.tolist(), strict=True):
+        if one.key != but:
+            yield replace(one, value=value)
+
+
 def friction_changed(rig: Rig, number: Numbering) -> Hypothesis:
     """Return that friction is another one along the whole route."""
     friction = rig.friction.coefficient
@@ -167,7 +182,7 @@ def hypotheses(sound: RigFilter, moments: Sequence[Moment], since: float) -> Ite
     yield Hypothesis(
         "play_at_drive",
         "drive",
-        (number("backlash.width_m", 0.0, 1e-3, 0.0),),
+        (number("backlash.width_m", 0.0, 1e-3, 0.0), *followed_so_far(sound, "backlash.width_m")),
         "play of {:.2g} m at the drive",
         rig,
     )

@@ -1,6 +1,6 @@
 """Members of an ensemble: the numbers of each, how they drift, and where members stand.
 
-Source: docs/model.md (200), (201), (204), (253).
+Source: docs/model.md (200), (201), (204), (268).
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from tssgeom.adapt.drift_rate import DriftRate
 from tssgeom.adapt.followed import FollowedNumber, limits_of, with_numbers
 from tssgeom.adapt.readings import mean_and_variance
+from tssgeom.adapt.trailed_drive import TrailedDrive
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.rig import Rig
 
@@ -103,6 +104,7 @@ class Members(ABC):
         self._bound()
         self.time = math.nan
         self.drift = DriftRate(_stated(numbers))
+        self._of_sensors = np.array([one.of_sensor for one in numbers], dtype=bool)
         self.waiting = 0.0
         self.draw_lines(np.array([one.value for one in numbers]))
 
@@ -136,6 +138,7 @@ class Members(ABC):
         spread = other._deviations(len(self.members), sd, self._known())
         other.members = np.hstack((self.members, value + spread))
         other.drift = self.drift.with_more(_stated(more))
+        other._of_sensors = np.array([one.of_sensor for one in other.numbers], dtype=bool)
         other._bound()
         other.draw_lines(other.values)
         return other
@@ -181,21 +184,38 @@ class Members(ABC):
         if (off > SETTINGS.straight * limits_of(self.numbers).scale).any():
             self.draw_lines(self.values)
 
-    def _covariance(self) -> tuple[Vector, Matrix]:
-        """Return the numbers as they are now [d], and their covariance [d, d]."""
+    def own_covariance(self) -> tuple[Vector, Matrix]:
+        """Return the numbers [d], and the covariance [d, d] for which the filter is made."""
         values = self.values
         deviation = self.members - values
-        return values, deviation.T @ deviation / (len(self.members) - 1)
+        covariance = deviation.T @ deviation / (len(self.members) - 1)
+        waiting = self.drift.spread(np.diag(covariance))[0]
+        np.fill_diagonal(covariance, waiting)
+        return values, covariance
 
-    def _drift(self, span: float) -> None:
-        """Add what the numbers change by, uncorrelated with what members differ in; (204), (253)."""
+    @property
+    def error_ratio(self) -> Vector:
+        """[d] Standard errors of the numbers, over those for which the filter is made."""
+        return np.sqrt(self.drift.spread(mean_and_variance(self.members)[1])[1])
+
+    def _covariance(self) -> tuple[Vector, Matrix]:
+        """Return the numbers as they are now [d], and their covariance [d, d]; docs/model.md (268)."""
+        values, covariance = self.own_covariance()
+        root = self.error_ratio
+        return values, covariance * np.outer(root, root)
+
+    def _drift(self, span: float, drives: Sequence[TrailedDrive]) -> None:
+        """Add what the numbers change by, uncorrelated with what members differ in; (204), (269).
+
+        What acts where the tendon slides shows itself there: while all drives stand, its drift waits.
+        """
         self.waiting += span
+        self.drift.wait(span)
         if self.waiting < SETTINGS.drift_interval:
             return
-        if not math.isnan(self.time):
-            self.drift.take(self.time, *mean_and_variance(self.members))
-        sd = np.sqrt(self.drift.variance * self.waiting)
         self.waiting = 0.0
+        moved = sum(one.has_moved() for one in drives) > 0  # each of them has to note that
+        sd = np.sqrt(self.drift.take(self._of_sensors | moved, *mean_and_variance(self.members)))
         if sd.any():
             self.members = self.members + self._deviations(len(self.members), sd, self._known())
             self._bound()

@@ -82,7 +82,7 @@ class SavedFilter:
     """Temperature of the first frame that had one [°C]; NaN without any."""
     drives: Mapping[str, Mapping[str, Any]]
     drift: Matrix
-    """[d, 5] As `DriftRate`; NaN where no interval has begun."""
+    """[d, …] As `DriftRate`; NaN where no interval has begun."""
     random: tuple[int, int]
     """State and increment of the generator."""
     alert: Alert | None = None
@@ -104,7 +104,7 @@ class SavedFilter:
         now.muted, now.time, now.waiting = set(self.muted), self.time, self.waiting
         now.draw_lines(self.about)
         now.trackers = {name: TrailedDrive.of(one) for name, one in self.drives.items()}
-        now.drift.rows = self.drift.copy()
+        now.drift.set_rows(self.drift)
         if isinstance(now, MachineFilter):
             assert self.joint is not None
             now.recent, now.joint = self.recent, self.joint
@@ -144,7 +144,7 @@ def captured(now: Ensemble, rig: Rig, sensed: Arcs, measured: tuple[str, ...], c
         waiting=now.waiting,
         coldest=coldest,
         drives={name: one.plain() for name, one in now.trackers.items()},
-        drift=now.drift.rows.copy(),
+        drift=now.drift.rows,
         random=random_of(now),
         **of_machine,
     )

@@ -11,6 +11,7 @@ import msgspec
 import numpy as np
 
 from tssgeom.adapt.alert import Alert
+from tssgeom.adapt.drift_rate import DriftRate
 from tssgeom.adapt.ensemble import Ensemble
 from tssgeom.adapt.followed import FollowedNumber
 from tssgeom.adapt.trailed_drive import TrailedDrive
@@ -21,7 +22,7 @@ from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.capstan import MOST_TENSION
 from tssgeom.tendon.saved import route_object
 
-VERSION = 2
+VERSION = 3
 """Version of the objects of filters."""
 MOST = 1e12
 """Most of any number; chosen: as of a tendon's."""
@@ -71,7 +72,12 @@ def drift_of(saved: Mapping[str, Any], fresh: Ensemble) -> Matrix:
     """Return what was kept of the drift of a filter's numbers."""
     rows = numbers_of(saved, may_lack=True)
     require_sound(rows.shape == fresh.drift.rows.shape, "drift")
-    require_sound(bool((rows[:, 0] >= 1.0).all() and not np.isnan(np.delete(rows, 2, axis=1)).any()), "drift")
+    rate = DriftRate(fresh.drift.stated)
+    rate.set_rows(rows)
+    for one in (rate.chances, rate.spreads, rate.waiting):
+        require_sound(bool((one >= 0.0).all()), "drift")
+    require_sound(np.allclose(rate.chances.sum(axis=1), 1.0) and bool(np.isfinite(rate.means).all()), "drift")
+    require_sound(not (rate.last[:, 1] < 0.0).any() and bool((rate.last[:, 2:] >= 0.0).all()), "drift")
     return rows
 
 

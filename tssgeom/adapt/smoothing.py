@@ -21,6 +21,10 @@ class SmoothingSettings(NamedTuple):
     most_moments: int = 1000
     """Moments that are kept [1], twice as many meanwhile. Chosen: as many as pixels across a figure."""
 
+    steady: float = 60.0
+    """Time to either side over which true variances, over those of the filter, are averaged [s]; that to the
+    end of the run, where it is less. Chosen: some strokes; at one moment they are of what was known then."""
+
 
 _SETTINGS = SmoothingSettings()
 _RIDGE = 1e-12  # on the diagonal of correlations before they are inverted; derived: 1000 times rounding
@@ -68,6 +72,17 @@ class SmoothedNumbers:
         return np.sqrt(np.maximum(np.diagonal(self.covariance, axis1=1, axis2=2), 0.0))
 
 
+class _Known(NamedTuple):
+    """What is known at a time."""
+
+    time: float
+    values: Vector
+    covariance: Matrix
+    """Of the filter."""
+    root: Vector
+    """[d] True standard errors, over those of the filter."""
+
+
 class NumberHistory:
     """Takes in the estimates of a filter of a random walk, step by step, and smooths them.
 
@@ -85,12 +100,14 @@ class NumberHistory:
     def __init__(self, count: int, most_moments: int = _SETTINGS.most_moments) -> None:
         self._count = count
         self._most = most_moments
-        self._moments = list[tuple[float, Vector, Matrix]]()
+        self._moments = list[_Known]()
         self._steps = list[_Step]()  # from each kept moment to the next one, the last to the newest
-        self._newest: tuple[float, Vector, Matrix] | None = None
+        self._newest: _Known | None = None
         self._stride, self._since_kept = 1, 0
 
-    def take(self, time: float, values: Vector, covariance: Matrix, drift: Vector) -> None:
+    def take(
+        self, time: float, values: Vector, covariance: Matrix, drift: Vector, root: Vector | None = None
+    ) -> None:
         """Take in what is known after the readings of a time [s], not before that of the last one.
 
         Parameters
@@ -98,13 +115,18 @@ class NumberHistory:
         time
             Time [s].
         values, covariance
-            [d], [d, d].
+            [d], [d, d] With true variances.
         drift
-            [d] Variance of the change of each number in a second since the last one.
+            [d] Variance in a second of the drift since the last one, for which the filter was made.
+        root
+            [d] True standard errors, over those for which the filter was made, (268); 1 by default.
         """
-        now = (time, np.array(values), np.array(covariance))
+        root = np.ones(len(values)) if root is None else root
+        now = _Known(time, np.array(values), covariance / np.outer(root, root), root)
         if self._newest is not None:
-            step = _step_back(*self._newest[1:], (time - self._newest[0]) * drift)
+            step = _step_back(
+                self._newest.values, self._newest.covariance, (time - self._newest.time) * drift
+            )
             if self._since_kept == 0:
                 self._moments.append(self._newest)
                 self._steps.append(step)
@@ -117,9 +139,9 @@ class NumberHistory:
 
     def cut(self, time: float) -> None:
         """Forget the kept moments from a time [s] on, and what came after."""
-        if self._newest is None or self._newest[0] < time:
+        if self._newest is None or self._newest.time < time:
             return
-        count = sum(moment[0] < time for moment in self._moments)
+        count = sum(moment.time < time for moment in self._moments)
         self._newest = self._moments[count - 1] if count else None
         self._moments, self._steps = self._moments[: max(count - 1, 0)], self._steps[: max(count - 1, 0)]
         self._since_kept = 0
@@ -128,15 +150,23 @@ class NumberHistory:
         """Return the numbers at the kept moments, with the readings up to each, and with all readings."""
         moments = [*self._moments, *([] if self._newest is None else [self._newest])]
         dimension = self._count
-        time = np.array([one[0] for one in moments])
-        filtered = np.array([one[1] for one in moments]).reshape(-1, dimension)
-        covariances = np.array([one[2] for one in moments]).reshape(-1, dimension, dimension)
+        time = np.array([one.time for one in moments])
+        filtered = np.array([one.values for one in moments]).reshape(-1, dimension)
+        covariances = np.array([one.covariance for one in moments]).reshape(-1, dimension, dimension)
+        root = np.array([one.root for one in moments]).reshape(-1, dimension)
         values, covariance = filtered.copy(), covariances.copy()
         for k in range(len(moments) - 2, -1, -1):
             step = self._steps[k]
             values[k] = step.offset + step.gain @ values[k + 1]
             covariance[k] = step.covariance + step.gain @ covariance[k + 1] @ step.gain.T
-        return SmoothedNumbers(time, filtered, covariances, values, covariance)
+        steady = _steady(time, root)
+        return SmoothedNumbers(
+            time,
+            filtered,
+            covariances * root[:, :, None] * root[:, None, :],
+            values,
+            covariance * steady[:, :, None] * steady[:, None, :],
+        )
 
     def _thin(self) -> None:
         """Keep every other moment."""
@@ -144,6 +174,14 @@ class NumberHistory:
         self._steps = [first.then(second) for first, second in pairs]
         self._moments = self._moments[::2]
         self._stride *= 2
+
+
+def _steady(time: Vector, root: Matrix) -> Matrix:
+    """Return root mean squares of [m, d] over the moments about each."""
+    sums = np.vstack((np.zeros(root.shape[1]), np.cumsum(root * root, axis=0)))
+    side = np.minimum(_SETTINGS.steady, time[-1:] - time)
+    first, last = np.searchsorted(time, time - side, "left"), np.searchsorted(time, time + side, "right")
+    return np.sqrt((sums[last] - sums[first]) / (last - first)[:, None])
 
 
 def _step_back(values: Vector, covariance: Matrix, added: Vector) -> _Step:

@@ -104,6 +104,8 @@ class TrailedDrive:
         """The last reading, and where the tendon has it: by now, or before where it may have turned."""
         self.turn_probability, self.certain = 0.0, math.nan
         """Probability that it has turned, and where it last had not for sure."""
+        self.moved_to = math.nan
+        """Where `has_moved` was true last."""
 
     @property
     def may_have_turned(self) -> bool:
@@ -201,6 +203,13 @@ class TrailedDrive:
         self.speeds = self.evidence = [0.0] * len(TRAIL.jerks)
         self.reading = self.value = self.position = self.farthest = self.committed = self.certain = value
         self.error = self.turn_probability = 0.0
+
+    def has_moved(self) -> bool:
+        """Whether it has moved since this was true last, by more than its noise."""
+        if abs(self.value - self.moved_to) <= TRAIL.margin * self.noise:
+            return False
+        self.moved_to = self.value
+        return True
 
     def plain(self) -> dict[str, Any]:
         """Return all of it, for `of`."""
