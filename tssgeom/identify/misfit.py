@@ -122,17 +122,6 @@ class HeldOut:
             return HeldOutChange(math.inf, "the held-out runs contradict it")
         return HeldOutChange(second - first)
 
-    def is_better(self, before: Point, after: Point, chance: float) -> bool:
-        """Whether a model predicts these runs better than another one that need not be a part of it.
-
-        `chance` is that of saying so of two equal ones. Source: docs/model.md (264).
-        """
-        old, new = self._left(before), self._left(after)
-        if old is None or new is None:
-            return old is None and new is not None
-        first, second = (_huber_terms(self.problem.whitening.whitened(left)) for left in (old, new))
-        return _vuong(first - second) > float(norm.isf(chance))
-
     def rise(self, before: Point, after: Point) -> float:
         """Return by how much a part on top of a model changes χ² [1]; infinite where it is contradicted."""
         return self._change(before, after).rise
@@ -171,26 +160,9 @@ class HeldOut:
 
 def _huber(whitened: Vector) -> float:
     """Return the sum of squares, outliers by Huber's loss."""
-    return float(np.sum(_huber_terms(whitened)))
-
-
-def _huber_terms(whitened: Vector) -> Vector:
-    """Return squares, outliers by Huber's loss."""
     off = np.abs(whitened)
     near = np.minimum(off, CHANCE.clear)
-    return near * (2.0 * off - near)
-
-
-def _vuong(gain: Vector) -> float:
-    """Return by how many standard deviations a sum of gains [n] is above zero [1]; docs/model.md (264).
-
-    Source: Q. H. Vuong, Econometrica 57 (1989) 307, with neighbours that are not independent.
-    """
-    sd = float(np.std(gain))
-    if sd == 0.0:
-        return 0.0
-    effective = len(gain) * inflation_of((gain - gain.mean()) / sd)
-    return float(gain.sum()) / (sd * math.sqrt(effective))
+    return float(np.sum(near * (2.0 * off - near)))
 
 
 def _is_worse(before: Vector, after: Vector, count: int, chance: float) -> bool:

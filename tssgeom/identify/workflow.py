@@ -5,7 +5,6 @@ Steps and constants: docs/discovery.md, "How it decides"; equations: docs/model.
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -29,12 +28,12 @@ from tssgeom.identify.finding import Finding
 from tssgeom.identify.fit import Fit, Problem, base_fit, columns, explained, posed
 from tssgeom.identify.law_finding import law_candidates, law_ranking
 from tssgeom.identify.law_fit import LawFit
-from tssgeom.identify.law_search import as_fit, searched
+from tssgeom.identify.law_search import as_fit, needed, searched
 from tssgeom.identify.misfit import UNINFORMATIVE, held_out, misfits, traces
 from tssgeom.identify.prediction import Errors, stacked
 from tssgeom.identify.proposal import Asked
 from tssgeom.identify.readings import Reading, readings
-from tssgeom.identify.screening import DETECTION, detection_limits, variants
+from tssgeom.identify.screening import detection_limits, variants
 from tssgeom.identify.selection import name_of, selected
 from tssgeom.identify.ties import base_ties, ties_of, unobservable
 from tssgeom.identify.verdict import judged, judged_laws, sentence
@@ -192,11 +191,10 @@ def _with_laws(
 
 
 def _better(work: Work, laws: LawFit) -> bool:
-    """Whether laws leave less than the names that were chosen, beyond chance on held-out runs; (264)."""
-    names, held = work.chosen.fit, work.held
-    if held is None or math.isinf(held.rise(names.at, laws.point)):
-        return False
-    return held.is_better(names.at, laws.point, DETECTION.rate) and laws.chi2 < names.chi2
+    """Whether laws leave less than the names that were chosen, clearly so on held-out runs."""
+    names = work.chosen.fit
+    clearly = work.held is not None and -work.held.rise(names.at, laws.point) > needed(laws)
+    return clearly and laws.chi2 < names.chi2
 
 
 _LAWS_AT = 0.6  # share of the work done then; chosen
