@@ -27,7 +27,6 @@ class DriftSettings(NamedTuple):
     least: float = 1e-2
     """Least variance of a drift for which the filter is made, over that which is stated [1]. Chosen: a tenth
     in a number, so that one that begins to drift is followed within a minute."""
-
     most: float = 1.0
     """Most variance of a drift for which the filter is made, over that which is stated [1]. Chosen: what goes
     faster widens the bars, and a fault is left to the watch."""
