@@ -111,18 +111,12 @@ def explained(
         return
     stopped = by.stopped(sound, after)
     if stopped is not None:
-        channel, words = stopped
-        sound.muted.add(channel)
-        yield from _through(sound, after)
-        yield (Explanation("sensor", channel, 1.0, words, sound),)
+        yield from _without(sound, after, *stopped)
         return
     run = by.run(sound, after)
     stands = _standing(run, sound)
     if stands is not None:
-        channel, words = stands
-        sound.muted.add(channel)
-        yield from _through(sound, after)
-        yield (Explanation("sensor", channel, 1.0, words, sound),)
+        yield from _without(sound, after, *stands)
         return
     fits = list[_Fit]()
     for hypothesis in by.hypotheses(sound, moments, since):
@@ -162,6 +156,15 @@ def explained(
         )
         for mechanism, fit in sorted(likeliest.items(), key=lambda each: -shares[each[0]])
     )
+
+
+def _without(
+    sound: Ensemble, after: Sequence[Moment], channel: str, words: str
+) -> Iterator[tuple[Explanation, ...] | None]:
+    """Go on without a sensor that is at fault."""
+    sound.muted.add(channel)
+    yield from _through(sound, after)
+    yield (Explanation("sensor", channel, 1.0, words, sound),)
 
 
 def _standing(run: RunFromHere, sound: Ensemble) -> tuple[str, str] | None:

@@ -184,15 +184,6 @@ class Members(ABC):
         if (off > SETTINGS.straight * limits_of(self.numbers).scale).any():
             self.draw_lines(self.values)
 
-    def own_covariance(self) -> tuple[Vector, Matrix]:
-        """Return the numbers [d], and the covariance [d, d] for which the filter is made."""
-        values = self.values
-        deviation = self.members - values
-        covariance = deviation.T @ deviation / (len(self.members) - 1)
-        waiting = self.drift.spread(np.diag(covariance))[0]
-        np.fill_diagonal(covariance, waiting)
-        return values, covariance
-
     @property
     def error_ratio(self) -> Vector:
         """[d] Standard errors of the numbers, over those for which the filter is made."""
@@ -200,8 +191,12 @@ class Members(ABC):
 
     def _covariance(self) -> tuple[Vector, Matrix]:
         """Return the numbers as they are now [d], and their covariance [d, d]; docs/model.md (268)."""
-        values, covariance = self.own_covariance()
-        root = self.error_ratio
+        values = self.values
+        deviation = self.members - values
+        covariance = deviation.T @ deviation / (len(self.members) - 1)
+        whole, ratio = self.drift.spread(np.diag(covariance))
+        np.fill_diagonal(covariance, whole)
+        root = np.sqrt(ratio)
         return values, covariance * np.outer(root, root)
 
     def _drift(self, span: float, drives: Sequence[TrailedDrive]) -> None:

@@ -47,16 +47,6 @@ class Budget:
         """Whether nothing is left."""
         return self.left < 0.0
 
-    def counted(self, steps: Generator[float, None, Chain]) -> Generator[float, None, Chain]:
-        """Make steps, and take their work from what is left."""
-        while True:
-            try:
-                work = next(steps)
-            except StopIteration as ended:
-                return ended.value
-            self.left -= work
-            yield work
-
 
 def fit_chain(
     data: Data, first: Chain, budget: Budget | None = None, most: int = 3 * CHAIN_MOVES.most_pieces
@@ -210,13 +200,14 @@ def _simplified(chain: Chain, kind: int, j: int) -> Chain:
     return candidate._replace(form=candidate.form[kept], curved=curved[kept[4:]])
 
 
-def without_piece(data: Data, chain: Chain, j: int) -> Generator[float, None, Chain]:
+def without_piece(data: Data, chain: Chain, j: int, budget: Budget) -> Generator[float, None, Chain]:
     """Return the chain without piece j, dropped or merged with a neighbour, whichever fits best, in steps."""
     ways = [(_DROPPED, j), (_MERGED, j), (_MERGED, j + 1)]
     tried = list[Chain]()
     for kind, i in ways:
         if kind == _DROPPED or 0 < i < len(chain.bend):
             work, fitted = fit_with_work(data, _simplified(chain, kind, i))
+            budget.left -= work
             yield work
             tried.append(fitted)
     return min(tried, key=lambda one: one.cost)

@@ -86,7 +86,7 @@ def identifiable_in_steps(
     while pieces.unidentifiable >= 0:
         if budget.spent:
             raise FitError("the points do not determine the pieces of a chain of arcs")
-        chain = yield from budget.counted(without_piece(data, chain, pieces.unidentifiable))
+        chain = yield from without_piece(data, chain, pieces.unidentifiable, budget)
         pieces = chain_pieces(data, chain)
     return chain, pieces
 
