@@ -9,7 +9,7 @@ import msgspec
 from docstrings import cell, field_docs, parted, sentences, wrapped
 
 from tssgeom.io.formats.cameras import CalibrationFile
-from tssgeom.io.results.answers import Answer, Refusal, Stale
+from tssgeom.io.results.answers import Answer, Late, Refusal, Stale
 from tssgeom.io.results.keys.calibrations import Calibrated, MachineCalibrated, PiecesCalibrated
 from tssgeom.io.results.keys.cameras import CamerasCalibrated, Tracked
 from tssgeom.io.results.keys.checks import (
@@ -54,6 +54,7 @@ OUTPUTS = (
     ),
     Output("live: a rejected frame", Refusal, "A line for each bad frame."),
     Output("live: silence", Stale, "One line when no good frame comes for `--stale-after`."),
+    Output("live: a late answer", Late, "One line when an answer is not out by its deadline; it follows."),
     Output("live: a client is cut off", Closed, "The last line that a TCP client gets."),
     Output("live --stats", StatisticsOf, "A line a second on stderr."),
     Output("simulate --json", Simulated, ""),

@@ -165,15 +165,17 @@ class Late(msgspec.Struct, frozen=True):
     """The line that is sent when the answer to a frame is not out by its deadline; the answer follows."""
 
     t: float | None
-    """Time of the last good frame [s]; None before the first."""
+    """Time of the last good frame; null before the first [s]."""
     seq: int
-    """Count of the last good frame; −1 before the first."""
+    """Count of the last good frame; -1 before the first [1]."""
     stale: bool
+    """True."""
     late: int
-    """Count of the frame whose answer is not out."""
+    """Count of the frame whose answer is not out [1]."""
     silent_s: float
     """Time since that frame arrived [s]."""
     dropped: int
+    """Frames that were dropped for newer ones, since the start [1]."""
 
 
 _encoder = msgspec.json.Encoder()
