@@ -1,35 +1,117 @@
-"""Run the mutants of `tests/mutants.py`: `python -m tests.mutants`.
+"""Run the tests on the faults that `tests/mutants.py` draws: `python -m tests.mutants`.
 
-Each is put into a copy of the code. Its tests have to pass there without it, otherwise the mutant proves
-nothing; a test that does not end in time counts as one that fails. The core of the copy is built again where
-a mutant is in its C.
+Each fault is put into a copy of the code, where the tests that run its line have to fail; for a line of C
+those that call an entry of the core which may reach its file. Tests that do not end in time count as failed.
+The core of the copy is built again by itself where a fault is in its C.
 """
 
 import argparse
+import ast
 import os
-import shlex
+import random
+import re
 import shutil
 import subprocess
 import sys
 import tempfile
 import time
+from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
-from tests.mutants import MUTANTS, Mutant
+from coverage import CoverageData
 
-ROOT = Path(__file__).parents[1]
-COPIED = ("tssgeom", "pipelines", "tests", "benchmarks", "sample_shapes", "pyproject.toml")
+from tests.mutants import PACKAGES, ROOT, Mutant, drawn
+
+COPIED = (
+    "tssgeom",
+    "pipelines",
+    "tests",
+    "benchmarks",
+    "docs",
+    "sample_shapes",
+    "pyproject.toml",
+    "README.md",
+)
+CORE = "tssgeom/core"
 PATIENCE = 120.0
-"""Time that the tests of one mutant may take [s]."""
+"""Time that the tests of one fault may take at a time [s]."""
+ROUNDS = (8, 40, 150)
+"""Tests that are run at a time, until one fails."""
 TARGET = 0.95
-"""Share of mutants that have to be detected [1]."""
+"""Share of faults that have to be detected [1]."""
+
+
+class Chosen:
+    """Which tests run which lines."""
+
+    def __init__(self, path: Path) -> None:
+        self.data = CoverageData(str(path))
+        self.data.read()
+        self.names = {f"tssgeom/{one.rpartition('/tssgeom/')[2]}": one for one in self.data.measured_files()}
+
+    def of_line(self, file: str, first: int, last: int) -> set[str]:
+        """Return the tests that run one of some lines."""
+        known = self.data.contexts_by_lineno(self.names.get(file, ""))
+        tests = {each.partition("|")[0] for line in range(first, last + 1) for each in known.get(line, [])}
+        return tests - {""}
+
+    def of(self, mutant: Mutant) -> list[str]:
+        """Return the tests of a fault: those of its own package first, the files of tests in turn."""
+        if mutant.file.endswith(".py"):
+            tests = self.of_line(mutant.file, mutant.line, mutant.line)
+        else:
+            tests = set().union(*(self.of_entry[each] for each in self.entries(Path(mutant.file).name)))
+        own = f"tests/{mutant.file.split('/')[1]}/"
+        rng, rank = random.Random(0), defaultdict[str, int](int)
+        order = list[tuple[int, bool, int, str]]()
+        for turn, test in enumerate(rng.sample(sorted(tests), len(tests))):
+            file = test.partition("::")[0]
+            rank[file] += 1
+            order.append((rank[file], not file.startswith(own), turn, test))
+        return [each[3] for each in sorted(order)]
+
+    @cached_property
+    def of_entry(self) -> dict[str, set[str]]:
+        """Tests by entry of the core."""
+        entries, file = (
+            ast.parse((ROOT / CORE / "_entries.py").read_text(encoding="utf-8")),
+            f"{CORE}/_entries.py",
+        )
+        functions = [each for each in entries.body if isinstance(each, ast.FunctionDef)]
+        return {
+            each.name: self.of_line(file, each.body[0].lineno, each.end_lineno or 0) for each in functions
+        }
+
+    @cached_property
+    def texts(self) -> dict[str, str]:
+        """Text of each file of C."""
+        paths = (each for each in (ROOT / CORE).iterdir() if each.suffix in (".c", ".h", ".inl"))
+        return {each.name: each.read_text(encoding="utf-8") for each in paths}
+
+    def entries(self, name: str) -> set[str]:
+        """Return the entries of the core that may reach a file of C: by calls from file to file."""
+        reached, new = set[str](), {name}
+        while new:
+            reached |= new
+            made = {word for each in new for word in _functions(self.texts[each])}
+            new = {each for each, text in self.texts.items() if made & set(re.findall(r"\w+(?=\()", text))}
+            new |= {each for each, text in self.texts.items() if any(f'"{one}"' in text for one in reached)}
+            new = {each for each in new if each.endswith((".c", ".inl"))} - reached
+        made = {word.removeprefix("tss_") for each in reached for word in _functions(self.texts[each])}
+        return made & set(self.of_entry)
+
+
+def _functions(text: str) -> list[str]:
+    """Return the functions that a file of C defines for others."""
+    return re.findall(r"^(?!static)\w[\w *]*?\b(\w+)\([^;{}]*\)\s*\{", text, re.MULTILINE)
 
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """Result of a mutant."""
+    """Result of a fault."""
 
     mutant: Mutant
     caught: bool
@@ -39,9 +121,9 @@ class Verdict:
     """Time that the tests took [s]."""
 
 
-def run_tests(copy: Path, tests: str) -> tuple[bool, str]:
+def run_tests(copy: Path, tests: Sequence[str]) -> tuple[bool, str]:
     """Run tests in the copy; return whether all pass, and the first that does not."""
-    words = [sys.executable, "-m", "pytest", "-x", "-q", "-n0", "-p", "no:cacheprovider", *shlex.split(tests)]
+    words = [sys.executable, "-m", "pytest", "-x", "-q", "-n0", "-p", "no:cacheprovider", *tests]
     env = {**os.environ, "PYTHONPATH": str(copy), "PYTHONDONTWRITEBYTECODE": "1"}
     try:
         done = subprocess.run(
@@ -49,52 +131,49 @@ def run_tests(copy: Path, tests: str) -> tuple[bool, str]:
         )
     except subprocess.TimeoutExpired:
         return False, f"no end within {PATIENCE:g} s"
-    if done.returncode not in (0, 1):
-        raise RuntimeError(f"{tests}: pytest could not run them:\n{done.stdout[-2000:]}{done.stderr[-2000:]}")
     failed = [line for line in done.stdout.splitlines() if line.startswith(("FAILED ", "ERROR "))]
-    return done.returncode == 0, failed[0].split(" - ")[0].rpartition("::")[2] if failed else ""
+    by = failed[0].split(" - ")[0].rpartition("/")[2] if failed else f"exit status {done.returncode}"
+    return done.returncode == 0, by
 
 
-def verdicts_of(copy: Path, mutants: Sequence[Mutant]) -> Iterator[Verdict]:
-    """Put each mutant into the copy, run its tests, and take it out again."""
-    sound = dict[str, bool]()
+def verdicts_of(copy: Path, mutants: Sequence[Mutant], chosen: Chosen) -> Iterator[Verdict]:
+    """Put each fault into the copy, run its tests, and take it out again."""
     for mutant in mutants:
-        path = copy / mutant.file
+        path, tests, begun = copy / mutant.file, chosen.of(mutant), time.monotonic()
         text = path.read_text(encoding="utf-8")
-        if text.count(mutant.old) != 1:
-            raise RuntimeError(f"{mutant.text}: the text is there {text.count(mutant.old)} times")
-        if mutant.tests not in sound:
-            sound[mutant.tests] = run_tests(copy, mutant.tests)[0]
-        if not sound[mutant.tests]:
-            raise RuntimeError(f"{mutant.tests}: they fail without any mutant")
-        begun = time.monotonic()
-        path.write_text(text.replace(mutant.old, mutant.new), encoding="utf-8")
-        passed, by = run_tests(copy, mutant.tests)
+        path.write_text(mutant.put_into(text), encoding="utf-8")
+        passed, by, first = True, "no test runs it", 0
+        for count in ROUNDS:
+            if passed and (some := tests[first : first + count]):
+                passed, by = run_tests(copy, some)
+                by = f"none of {first + len(some)} tests, of {len(tests)}" if passed else by
+                first += count
         path.write_text(text, encoding="utf-8")
-        yield Verdict(mutant, not passed, by or "no test", time.monotonic() - begun)
+        yield Verdict(mutant, not passed, by, time.monotonic() - begun)
 
 
 def main() -> int:
-    """Run the tests on each mutant and print the result."""
+    """Run the tests on each fault and print the result."""
     parser = argparse.ArgumentParser(prog="python -m tests.mutants")
-    parser.add_argument("words", nargs="*", default=[""])
-    words = parser.parse_args().words
-    chosen = [each for each in MUTANTS if any(word in f"{each.text} {each.tests}" for word in words)]
-    verdicts = list[Verdict]()
+    parser.add_argument("packages", nargs="*", default=PACKAGES, metavar="PACKAGE")
+    parser.add_argument("--count", type=int, default=200, help="how many faults [1]")
+    parser.add_argument("--seed", type=int, default=1, help="which ones")
+    parser.add_argument("--data", type=Path, default=ROOT / ".coverage", help="what pytest --cov has written")
+    given = parser.parse_args()
+    if not given.data.is_file():
+        parser.error(f"{given.data} is missing: run pytest --cov --cov-context=test first")
+    verdicts, chosen = list[Verdict](), Chosen(given.data)
     with tempfile.TemporaryDirectory() as folder:
         copy = Path(folder)
         for name in COPIED:
             whole = (ROOT / name).is_dir()
             (shutil.copytree if whole else shutil.copy2)(ROOT / name, copy / name)
-        for each in verdicts_of(copy, chosen):
+        for each in verdicts_of(copy, drawn(given.count, given.seed, tuple(given.packages)), chosen):
             verdicts.append(each)
             mark = "caught  " if each.caught else "SURVIVED"
-            sys.stdout.write(f"{mark} {each.took:5.1f} s  {each.mutant.text}\n{'':18}by {each.by}\n")
+            text = each.mutant.told((ROOT / each.mutant.file).read_text(encoding="utf-8"))
+            sys.stdout.write(f"{mark} {each.took:5.1f} s  {text}\n{'':18}by {each.by}\n")
             sys.stdout.flush()
     caught = sum(each.caught for each in verdicts)
-    sys.stdout.write(f"{caught} of {len(verdicts)} mutants caught, {caught / max(len(verdicts), 1):.0%}\n")
+    sys.stdout.write(f"{caught} of {len(verdicts)} faults detected, {caught / max(len(verdicts), 1):.0%}\n")
     return int(caught < TARGET * len(verdicts))
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -1,22 +1,29 @@
-"""The mutants of `tests/mutants.py` fit the code as it is; running the tests on them takes longer, apart."""
+"""The faults that `tests/mutants.py` draws are faults; running the tests on them takes longer, apart."""
 
 import ast
-import re
 
 import pytest
 
-from tests.mutants import MUTANTS
-from tests.mutation import ROOT
+from tests.mutants import PACKAGES, ROOT, drawn
 
 
-@pytest.mark.parametrize("mutant", MUTANTS, ids=lambda each: each.text)
-def test_a_mutant_changes_one_text_of_the_program(mutant):
-    text = (ROOT / mutant.file).read_text(encoding="utf-8")
-    assert text.count(mutant.old) == 1, f"the code has moved on: mend {mutant.text!r} in tests/mutants.py"
-    broken = text.replace(mutant.old, mutant.new)
-    if mutant.file.endswith((".c", ".h", ".inl")):
-        assert re.sub(r"/\*.*?\*/", "", broken, flags=re.DOTALL) != re.sub(
-            r"/\*.*?\*/", "", text, flags=re.DOTALL
-        )
-    else:
-        assert ast.dump(ast.parse(broken)) != ast.dump(ast.parse(text))
+@pytest.mark.parametrize("package", PACKAGES)
+def test_each_fault_changes_what_is_executed(package):
+    for mutant in drawn(60, 2, (package,)):
+        text = (ROOT / mutant.file).read_text(encoding="utf-8")
+        broken = mutant.put_into(text)
+        assert broken != text
+        if mutant.file.endswith(".py"):
+            assert ast.dump(ast.parse(broken)) != ast.dump(ast.parse(text)), mutant
+        else:
+            before = text[: mutant.start]
+            assert before.count("/*") == before.count("*/"), mutant
+
+
+def test_a_seed_draws_the_same_faults():
+    assert drawn(20, 7) == drawn(20, 7) != drawn(20, 8)
+
+
+def test_faults_are_drawn_evenly_over_packages():
+    files = [each.file for each in drawn(50, 3)]
+    assert [sum(file.startswith(f"tssgeom/{one}/") for file in files) for one in PACKAGES] == [10] * 5
