@@ -54,7 +54,7 @@ OUTPUTS = (
     ),
     Output("live: a rejected frame", Refusal, "A line for each bad frame."),
     Output("live: silence", Stale, "One line when no good frame comes for `--stale-after`."),
-    Output("live: a late answer", Late, "One line when an answer is not out by its deadline; it follows."),
+    Output("live: a late answer", Late, "A line for each late answer."),
     Output("live: a client is cut off", Closed, "The last line that a TCP client gets."),
     Output("live --stats", StatisticsOf, "A line a second on stderr."),
     Output("simulate --json", Simulated, ""),

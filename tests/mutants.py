@@ -45,7 +45,7 @@ class Mutant:
         assert text.startswith(self.old, self.start)
         return f"{text[: self.start]}{self.new}{text[self.start + len(self.old) :]}"
 
-    def told(self, text: str) -> str:
+    def described(self, text: str) -> str:
         """Return the fault in one line."""
         begin = text.rfind("\n", 0, self.start) + 1
         end = text.find("\n", self.start) % (len(text) + 1)
@@ -53,7 +53,7 @@ class Mutant:
         return f"{self.file.removeprefix('tssgeom/')}:{self.line}: {self.old or 'if'} → {self.new}: {broken}"
 
 
-def drawn(count: int, seed: int, packages: tuple[str, ...] = PACKAGES) -> list[Mutant]:
+def sampled(count: int, seed: int, packages: tuple[str, ...] = PACKAGES) -> list[Mutant]:
     """Draw faults, the same number in each package, each line of a package with the same chance."""
     rng, mutants = random.Random(seed), list[Mutant]()
     for rank, package in enumerate(packages):
@@ -69,14 +69,14 @@ def drawn(count: int, seed: int, packages: tuple[str, ...] = PACKAGES) -> list[M
 
 
 def mutants_of(path: Path) -> list[Mutant]:
-    """Return the faults that may be drawn in one file."""
+    """Return the faults of one file."""
     text, file = path.read_text(encoding="utf-8"), path.relative_to(ROOT).as_posix()
-    places = _in_python(text) if path.suffix == ".py" else _in_c(text)
-    return [Mutant(file, text.count("\n", 0, at) + 1, at, old, new) for at, old, new in places]
+    tokens = _in_python(text) if path.suffix == ".py" else _in_c(text)
+    return [Mutant(file, text.count("\n", 0, at) + 1, at, old, new) for at, old, new in tokens]
 
 
 def _in_c(text: str) -> Iterator[tuple[int, str, str]]:
-    code = _NO_CODE_IN_C.sub(lambda found: re.sub(r"[^\n]", " ", found[0]), text)
+    code = _NO_CODE_IN_C.sub(lambda text: re.sub(r"[^\n]", " ", text[0]), text)
     for token in _IN_C.finditer(code):
         yield token.start(), token[0], _CHANGED[token[0]]
 

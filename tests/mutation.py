@@ -1,4 +1,4 @@
-"""Run the tests on the faults that `tests/mutants.py` draws: `python -m tests.mutants`.
+"""Run the tests on the faults that `tests/mutants.py` samples: `python -m tests.mutants`.
 
 Each fault is put into a copy of the code, where the tests that run its line have to fail; for a line of C
 those that call an entry of the core which may reach its file. Tests that do not end in time count as failed.
@@ -23,7 +23,7 @@ from pathlib import Path
 
 from coverage import CoverageData
 
-from tests.mutants import PACKAGES, ROOT, Mutant, drawn
+from tests.mutants import PACKAGES, ROOT, Mutant, sampled
 
 COPIED = (
     "tssgeom",
@@ -168,10 +168,10 @@ def main() -> int:
         for name in COPIED:
             whole = (ROOT / name).is_dir()
             (shutil.copytree if whole else shutil.copy2)(ROOT / name, copy / name)
-        for each in verdicts_of(copy, drawn(given.count, given.seed, tuple(given.packages)), chosen):
+        for each in verdicts_of(copy, sampled(given.count, given.seed, tuple(given.packages)), chosen):
             verdicts.append(each)
             mark = "caught  " if each.caught else "SURVIVED"
-            text = each.mutant.told((ROOT / each.mutant.file).read_text(encoding="utf-8"))
+            text = each.mutant.described((ROOT / each.mutant.file).read_text(encoding="utf-8"))
             sys.stdout.write(f"{mark} {each.took:5.1f} s  {text}\n{'':18}by {each.by}\n")
             sys.stdout.flush()
     caught = sum(each.caught for each in verdicts)

@@ -162,7 +162,7 @@ class Stale(msgspec.Struct, frozen=True):
 
 
 class Late(msgspec.Struct, frozen=True):
-    """The line that is sent when the answer to a frame is not out by its deadline; the answer follows."""
+    """The line that is sent when an answer is not out by its deadline; it follows."""
 
     t: float | None
     """Time of the last good frame; null before the first [s]."""
