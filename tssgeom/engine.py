@@ -26,6 +26,7 @@ from tssgeom.stream import (
     pulled,
 )
 from tssgeom.tendon.commander import Commander
+from tssgeom.tendon.state import TendonState
 
 _Result = TypeVar("_Result")
 _FAULTS = (TssgeomError, ArithmeticError)  # of one frame: the next may be sound
@@ -61,7 +62,7 @@ class Engine:
     rig
         Tendon, friction and sensors.
     tension_in
-        Total tension at the proximal end for frames that bring no drive and no target [N].
+        Total tension at the proximal end for frames that bring no drive and no target, until one does [N].
     state
         Tension along the tendon before the first frame, or where a machine stands; at rest by default.
     commander
@@ -108,6 +109,7 @@ class Engine:
         self._commander, self._follower = commander, follower
         self._track = Track()
         self._count = 0
+        self._was_driven = False
         self._calls = deque[object]()
         self._call_ended = Condition()
 
@@ -130,7 +132,8 @@ class Engine:
         ----------
         frame
             A sensed shape. Its `tension_in` drives the tendon, or else its `displacement_in`. Where it brings
-            neither, a target is taken as reached, and without a target the proximal tension is `tension_in`.
+            neither, a target is taken as reached, and without a target the proximal tension is `tension_in`,
+            or, after frames that drove the tendon, what it was.
         filtered
             Its points, where they are filtered in time already; the engine filters them otherwise.
         track
@@ -149,11 +152,17 @@ class Engine:
                 fitted = _attempt(seq, frame, sensed_route, frame, self._rig, track.last, filtered)
             else:
                 fitted = sensed
-            before, more = (self._state, self._rig, self._tension_in), (self._commander, self._follower)
-            result = _pulled(seq, frame, *before, fitted, *more)
+            tension_in, is_driven = self._tension_in, _drives(frame)
+            if self._was_driven and not is_driven and isinstance(self._state, TendonState):
+                tension_in = self._state.tension_in
+                held = f"the frame brings neither drive nor target: the tendon is held at {tension_in:.4g} N"
+                frame = replace(frame, warnings=(*frame.warnings, held))
+            before, more = (self._state, self._rig, tension_in), (self._commander, self._follower)
+            result = _pulled(seq, frame, *before, fitted, *more, track.watch)
             if isinstance(result, Rejected):
                 return result
             self._state, track.last, self._commander = result.carried, result.tracked, result.commander
+            self._was_driven |= is_driven
             return _watched(result, track.watch)
 
     def sense(self, frame: Frame, track: Track) -> SensedRoute | Rejected:
@@ -275,6 +284,12 @@ def _carried(
         engine.idle()  # the result is out: the check of its model delays no frame that has arrived
 
 
+def _drives(frame: Frame) -> bool:
+    """Whether a frame drives one tendon."""
+    drives = (frame.tension_in, frame.displacement_in, frame.displacement_target, frame.tension_out_target)
+    return any(each is not None for each in drives)
+
+
 def _pulled(
     seq: int,
     frame: Frame,
@@ -284,10 +299,16 @@ def _pulled(
     sensed: SensedRoute | Rejected,
     commander: Commander | None = None,
     follower: Follower | None = None,
+    watch: FrameWatch | None = None,
 ) -> FrameResult | Rejected:
     """Do as `stream.pulled`, but return what cannot be used as rejected."""
     if isinstance(sensed, Rejected):
         return sensed
+    if watch is not None:
+        length = sensed.fit.arcs.total_length
+        refused = _attempt(seq, frame, watch.require_length, frame.time, length)
+        if refused is not None:
+            return refused
     more = (tension_in, sensed, commander, follower)
     return _attempt(seq, frame, pulled, seq, frame, state, rig, *more)
 
@@ -302,7 +323,7 @@ def _attempt(seq: int, frame: Frame, call: Callable[..., _Result], *arguments: o
 
 def _watched(result: FrameResult, watch: FrameWatch) -> FrameResult:
     """Return a result with the rules that its frame breaks beside those before it."""
-    warnings = watch.take(result.frame)
+    warnings = watch.take(result.frame, result.fit.arcs.total_length)
     return replace(result, warnings=result.warnings + warnings) if warnings else result
 
 

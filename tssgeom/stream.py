@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from tssgeom.adapt import carry, carry_machine
@@ -14,6 +15,7 @@ from tssgeom.effects import named
 from tssgeom.errors import SettingsError
 from tssgeom.frame import Frame
 from tssgeom.plausibility.frames import frame_remarks, strain_remarks
+from tssgeom.plausibility.kinds import Remark
 from tssgeom.result import Result
 from tssgeom.rig import Rig
 from tssgeom.route.curvature import CurvatureProfile
@@ -164,6 +166,9 @@ def pulled(
         frame.tension_in, frame.displacement_in, frame.displacement_target, frame.tension_out_target
     )
     commander = commander or commander_of(rig)
+    length, pull = fit.arcs.total_length, frame.tension_in or 0.0
+    remarks = list(frame_remarks(frame, length))
+    _plausible([*remarks, *strain_remarks(rig, length, pull)])  # before a follower takes them in
     if follower is None:
         moved, command, commander = commander.moved(state, at, given, tension_in)
     else:
@@ -171,6 +176,7 @@ def pulled(
         moved, command, commander = carry.moved(follower, commander, state, at, given, read, tension_in)
         rig = follower.carried.rig
     most = moved.tension_in if command is None else max(moved.tension_in, command.tension_in)
+    warnings = _plausible([*remarks, *strain_remarks(rig, length, most)])
     moved, transmission = _transmitted(state, moved, rig, stands, shared)
     known = None if follower is None else follower.known
     if known is not None:
@@ -188,7 +194,7 @@ def pulled(
         + fit.warnings
         + _temperature_warnings(rig, frame)
         + _unread(frame)
-        + _implausible(frame, rig, fit.arcs.total_length, most)
+        + warnings
         + (() if follower is None else follower.warnings),
         command=command,
         commander=commander,
@@ -218,11 +224,13 @@ def _of_machine(
     readings, warnings = _readings(frame, rig)
     of_machine = commander.of_machine or machine_commander_of(rig)
     at = Moved(fit.arcs, frame.time, tension_in, shared)
+    length, pulls = fit.arcs.total_length, _pulls(readings)
+    remarks = list(frame_remarks(frame, length))
+    _plausible([*remarks, *strain_remarks(rig, length, pulls)])  # before a follower takes them in
     if follower is None:
         moment, of_machine = of_machine.moved(before, rig, readings, at)
     else:
         moment = carry_machine.moved(follower, of_machine, before, readings, at)
-    most = max(value for name, value in moment.channels.items() if name.startswith("tension_in"))
     return FrameResult(
         seq=seq,
         frame=frame,
@@ -235,13 +243,18 @@ def _of_machine(
         + shape.warnings
         + fit.warnings
         + warnings
-        + _implausible(frame, rig, fit.arcs.total_length, most)
+        + _plausible([*remarks, *strain_remarks(rig, length, max(pulls, _pulls(moment.channels)))])
         + (() if follower is None else follower.warnings),
         commander=replace(commander, of_machine=of_machine),
         followed=None if follower is None else follower.known,
         alert=None if follower is None else follower.alert,
         machine=moment,
     )
+
+
+def _pulls(channels: Mapping[str, float]) -> float:
+    """Return the greatest proximal tension among channels of a machine [N]."""
+    return max((value for name, value in channels.items() if name.startswith("tension_in")), default=0.0)
 
 
 def _readings(frame: Frame, rig: Rig) -> tuple[dict[str, float], tuple[str, ...]]:
@@ -302,9 +315,17 @@ def _temperature_warnings(rig: Rig, frame: Frame) -> tuple[str, ...]:
     return (f"no temperature_C: {idle} does nothing",) if idle else ()
 
 
-def _implausible(frame: Frame, rig: Rig, length: float, tension: float) -> tuple[str, ...]:
-    """Return the rules that a frame breaks by itself, on a route of this length [m] at this tension [N]."""
-    remarks = [*strain_remarks(rig, length, tension), *frame_remarks(frame, length)]
+def _plausible(remarks: Sequence[Remark]) -> tuple[str, ...]:
+    """Return the rules that a frame breaks by itself.
+
+    Raises
+    ------
+    SettingsError
+        Where one of them refuses it.
+    """
+    for each in remarks:
+        if each.severity == "refuse":
+            raise SettingsError(each.text)
     return tuple(each.text for each in remarks)
 
 

@@ -114,12 +114,19 @@ def test_a_drive_by_position_and_a_shape_that_is_refused(monkeypatch):
 
 
 def test_warnings_of_a_result_are_logged(monkeypatch):
-    points = half_circle() / 1000.0
-    topics = ran(
-        monkeypatch, ("drive", drive(name=["motor"], effort=[3000.0])), ("shape", shape(points, 1.0))
-    )
+    points = half_circle()  # millimetres, where metres are expected
+    topics = ran(monkeypatch, ("drive", drive(name=["motor"], effort=[5.0])), ("shape", shape(points, 1.0)))
     (text,) = topics.logged
-    assert text.startswith("3000 N would stretch the tendon by 95%")
+    assert "check the unit of the coordinates" in text
+
+
+def test_a_drive_that_cannot_be_is_logged_and_not_answered(monkeypatch):
+    points = half_circle() / 1000.0
+    strong = drive(name=["motor"], effort=[3000.0])
+    topics = ran(monkeypatch, ("drive", strong), ("shape", shape(points, 1.0)))
+    (text,) = topics.logged
+    assert text.startswith("3000 N would stretch the tendon by 94.8%")
+    assert not topics.published
 
 
 def test_a_joint_that_never_comes_is_logged(monkeypatch):

@@ -12,6 +12,7 @@ import pytest
 from tssgeom import Frame, Rig, process
 from tssgeom.effects import FrictionLaw, HiddenBend, SensorLaw
 from tssgeom.errors import SettingsError
+from tssgeom.mechanism import Drive, DriveLimits
 from tssgeom.plausibility.frames import FrameWatch, command_remarks, rig_remarks
 from tssgeom.plausibility.rules import RULES, warnings_of
 from tssgeom.plausibility.runs import campaign_remarks, fit_remarks, law_remarks
@@ -50,10 +51,8 @@ def of_frame(frame: Frame, rig: Rig | None = None) -> set[str]:
 @pytest.mark.parametrize(
     ("frame", "rule"),
     [
-        (Frame(HALF, tension_in=15e3), "strain"),
         (Frame(HALF, temperature=295.0), "temperature"),
         (Frame(HALF, temperature=77.0), "warm"),
-        (Frame(HALF, displacement_in=1.1), "stroke"),
         (Frame(HALF, elongation=1.9), "stretch_unit"),
         (Frame(HALF, tension_in=5.0, tension_out=9.0), "tension_excess"),
         (Frame(HALF, tension_in=5.0, tension_out=-4.0), "negative_tension"),
@@ -73,17 +72,57 @@ def test_points_that_freeze_are_named_once_in_a_hundred_frames_and_a_route_that_
     rng, watch, still = np.random.default_rng(1), FrameWatch(), FrameWatch()
     moving = [Frame(HALF + 1e-4 * rng.standard_normal(HALF.shape), time=0.01 * k) for k in range(50)]
     frozen = [replace(moving[-1], points=moving[-1].points.copy(), time=0.5 + 0.01 * k) for k in range(250)]
-    named = [text for frame in moving + frozen for text in watch.take(frame)]
+    named = [text for frame in moving + frozen for text in watch.take(frame, 0.5)]
     assert len(named) == 2
     assert all("[frozen_frames]" in text for text in named)
-    assert not [text for k in range(250) for text in still.take(Frame(HALF, time=0.01 * k))]
+    assert not [text for k in range(250) for text in still.take(Frame(HALF, time=0.01 * k), 0.5)]
 
 
 def test_a_pause_between_frames_is_named_once():
     watch, times = FrameWatch(), [0.01 * k for k in range(60)] + [9.0 + 0.01 * k for k in range(60)]
-    named = [text for time in times for text in watch.take(Frame(HALF, time=time))]
+    named = [text for time in times for text in watch.take(Frame(HALF, time=time), 0.5)]
     assert len(named) == 1
     assert "[frame_time_jump]" in named[0]
+
+
+@pytest.mark.parametrize(
+    ("bad", "rule"),
+    [
+        (Frame(HALF, time=0.5, tension_in=1e9), "strain"),
+        (Frame(HALF, time=0.5, tension_in=15e3), "strain"),
+        (Frame(HALF, time=0.5, displacement_in=5.0), "stroke"),
+        (Frame(2.0 * HALF, time=0.5, displacement_target=0.002), "length_jump"),
+        (Frame(1e-3 * HALF, time=0.5, displacement_target=0.002), "length_jump"),
+    ],
+)
+def test_a_frame_that_cannot_be_is_rejected_and_the_next_ones_are_as_if_it_had_not_come(bad, rule):
+    rig = Rig(drive=Drive(limits=DriveLimits(speed_m_per_s=0.05)))
+    times = np.arange(0.4, 0.7, 0.1)
+    good = [Frame(HALF, time=time, displacement_target=0.002 * time) for time in times]
+    without = process(good, rig, tension_in=5.0)
+    results = list(process([*good[:1], bad, *good[1:]], rig, tension_in=5.0))
+    (rejected,) = [each for each in results if isinstance(each, Rejected)]
+    assert rejected.reason.endswith(f"[{rule}]")
+    commands, expected = (
+        [each.displacement_command for each in some if isinstance(each, FrameResult)]
+        for some in (results, without)
+    )
+    assert commands == expected
+
+
+def test_a_route_may_grow_as_fast_as_an_instrument_is_inserted():
+    frames = [Frame((0.1 + 0.05 * k) * HALF, time=0.1 * k, tension_in=5.0) for k in range(20)]
+    assert not [each for each in process(frames, Rig(), tension_in=5.0) if isinstance(each, Rejected)]
+
+
+def test_a_frame_without_its_target_holds_the_tendon_and_says_so():
+    frames = [Frame(HALF, time=0.1 * k, displacement_target=0.002) for k in range(3)]
+    frames += [Frame(HALF, time=0.3), Frame(HALF, time=0.4, displacement_target=0.002)]
+    results = process(frames, Rig(), tension_in=15.0)
+    before, held, after = [each for each in results if isinstance(each, FrameResult)][2:]
+    assert held.state.tension_in == before.state.tension_in
+    assert [text for text in held.warnings if "neither drive nor target" in text]
+    assert after.displacement_command == pytest.approx(before.displacement_command, rel=1e-12)
 
 
 def test_a_target_beyond_reason_is_rejected_and_leaves_the_tendon_as_it_was():

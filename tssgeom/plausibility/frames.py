@@ -71,7 +71,7 @@ def strain_remarks(rig: Rig, length: float, tension: float) -> list[Remark]:
     ]
     strain = rig.tendon.compliance_per_N * tension
     if strain > LIMITS.largest_strain:
-        remarks.append(remark("strain", "frame", f"{tension:g} N would stretch the tendon by {strain:.0%}"))
+        remarks.append(remark("strain", "frame", f"{tension:g} N would stretch the tendon by {100.0 * strain:.3g}%"))
     return remarks
 
 
@@ -94,7 +94,7 @@ def command_remarks(rig: Rig, length: float, tension: float, displacement: float
     strain, scale = rig.tendon.compliance_per_N * tension, rig.sensors.get(_DRIVE, Sensor()).full_scale
     needs = f"the target needs {tension:.4g} N at the proximal end"
     if strain > LIMITS.largest_strain:
-        yield remark("strain", "command", f"{needs}, which would stretch the tendon by {strain:.0%}")
+        yield remark("strain", "command", f"{needs}, which would stretch the tendon by {100.0 * strain:.3g}%")
     if scale and tension > scale:
         rule = "full_scale" if tension > LIMITS.gross * scale else "beyond_scale"
         yield remark(rule, "command", f"{needs}, and the full scale of {_DRIVE} is {scale:g} N")
@@ -123,7 +123,7 @@ def rig_remarks(rig: Rig) -> Iterator[Remark]:
     tension = max(LIMITS.judged_N, rig.tendon.pretension_N)
     strain = rig.tendon.compliance_per_N * tension
     if strain > LIMITS.usual_strain:
-        yield remark("rig_strain", "rig", f"{tension:g} N would stretch the tendon by {strain:.0%}")
+        yield remark("rig_strain", "rig", f"{tension:g} N would stretch the tendon by {100.0 * strain:.3g}%")
     for name, sensor in rig.sensors.items():
         worst, scale = max(sensor.noise, sensor.resolution), sensor.full_scale
         if 0.0 < scale < worst:
@@ -154,10 +154,30 @@ class FrameWatch:
     """Frames that repeated the points of the one before."""
     varied: bool = False
     """Whether points differed from frame to frame before."""
+    length: float = math.nan
+    """Length of the route in the last frame [m]."""
 
-    def take(self, frame: Sensed) -> tuple[str, ...]:
-        """Take in the next good frame, and return its warnings."""
+    def require_length(self, time: float, length: float) -> None:
+        """Refuse a frame at a time [s] whose route [m] cannot have the last one become.
+
+        Raises
+        ------
+        SettingsError
+            Where a rule refuses it.
+        """
+        passed, change, most = time - self.latest, abs(length - self.length), LIMITS.length_jump
+        if (
+            passed >= 0.0
+            and change > LIMITS.length_speed * passed
+            and not 1.0 / most < length / self.length < most
+        ):
+            was = f"the route is {length:.3g} m long, and was {self.length:.3g} m {passed:.3g} s before"
+            raise SettingsError(remark("length_jump", "frame", was).text)
+
+    def take(self, frame: Sensed, length: float) -> tuple[str, ...]:
+        """Take in the next good frame, with the length of its route [m], and return its warnings."""
         step, self.latest = frame.time - self.latest, frame.time
+        self.length = length
         before, self.points = self.points, frame.points
         self.frames += 1
         remarks: tuple[Remark, ...] = ()

@@ -55,7 +55,7 @@ RULES: dict[str, Rule] = {
     ),
     "strain": Rule(
         f"a tension strains the tendon of the rig by more than {_L.largest_strain:.0%}",
-        {"run": "refuse", "frame": "warn", "command": "refuse"},
+        dict.fromkeys(("run", "frame", "command"), "refuse"),
         "No tendon recovers from that: mN stand for N, or the compliance is wrong.",
         "give newtons and metres, or mend tendon.compliance_per_N of the rig",
     ),
@@ -97,7 +97,7 @@ RULES: dict[str, Rule] = {
     ),
     "stroke": Rule(
         f"a displacement moves by more than {_L.largest_stroke:g} × the length of the route",
-        {"run": "refuse", "frame": "warn", "command": "refuse"},
+        dict.fromkeys(("run", "frame", "command"), "refuse"),
         "The tendon would leave its sheath: mm stand for m.",
         "give metres",
     ),
@@ -291,6 +291,13 @@ RULES: dict[str, Rule] = {
         {"frame": "warn"},
         "A sender stopped, or changed its unit of time.",
         "check the times of the frames",
+    ),
+    "length_jump": Rule(
+        f"the length of a route changes by a factor of {_L.length_jump:g} from frame to frame, and by more "
+        f"than {_L.length_speed:g} m/s",
+        {"frame": "refuse"},
+        "No instrument moves so fast: the unit of the points changed, or a sensor lost its calibration.",
+        "check the unit of the points",
     ),
     "rig_friction": Rule(
         f"the friction coefficient of a rig is above {_L.most_rig_friction:g}",
