@@ -71,7 +71,8 @@ def strain_remarks(rig: Rig, length: float, tension: float) -> list[Remark]:
     ]
     strain = rig.tendon.compliance_per_N * tension
     if strain > LIMITS.largest_strain:
-        remarks.append(remark("strain", "frame", f"{tension:g} N would stretch the tendon by {100.0 * strain:.3g}%"))
+        would = f"{tension:g} N would stretch the tendon by {100.0 * strain:.3g}%"
+        remarks.append(remark("strain", "frame", would))
     return remarks
 
 
