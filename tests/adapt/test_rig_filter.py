@@ -4,7 +4,6 @@ import msgspec
 import numpy as np
 import pytest
 
-from tssgeom import core
 from tssgeom.adapt.drift_rate import DRIFT
 from tssgeom.adapt.followed import FollowedNumber, followed_numbers, straight_lines, with_numbers
 from tssgeom.adapt.readings import Moment, Readings
@@ -26,36 +25,6 @@ RIG = Rig(
 
 def number(key, value, sd, hourly=0.0):
     return FollowedNumber(key, value, sd, hourly, -np.inf, np.inf)
-
-
-def test_readings_shift_an_ensemble_as_a_kalman_filter_does():
-    """Two readings that are linear in three numbers: mean and covariance by the textbook."""
-    rng, n, k = np.random.default_rng(4), 40, 3
-    numbers = rng.standard_normal((n, 3)) @ np.array([[1.0, 0.3, 0.0], [0.0, 0.5, 0.2], [0.0, 0.0, 2.0]])
-    memory = np.ascontiguousarray(np.tile(np.linspace(1.0, 2.0, 9 * (k + 1) + 7), (n, 1)))
-    rows = np.array([[1.0, -0.5, 0.2], [0.0, 1.0, 0.4]])
-    predicted = np.ascontiguousarray(numbers @ rows.T)
-    reading, variance = np.array([0.4, -0.3]), np.array([0.2, 0.05])
-    mean, before = numbers.mean(axis=0), np.cov(numbers, rowvar=False)
-    gain = before @ rows.T @ np.linalg.inv(rows @ before @ rows.T + np.diag(variance))
-    used, innovation = core.assimilate(1, k, numbers, memory, predicted, reading, variance, 6.0)
-    assert used == 2
-    np.testing.assert_allclose(numbers.mean(axis=0), mean + gain @ (reading - rows @ mean), rtol=1e-10)
-    np.testing.assert_allclose(
-        np.cov(numbers, rowvar=False), (np.eye(3) - gain @ rows) @ before, rtol=1e-9, atol=1e-12
-    )
-    np.testing.assert_allclose(predicted, numbers @ rows.T, rtol=1e-10, atol=1e-12)
-    np.testing.assert_allclose(memory, memory[:1].repeat(n, axis=0), rtol=1e-12)
-    assert innovation[0, 1] == pytest.approx(rows[0] @ before @ rows[0] + variance[0])
-
-
-def test_an_outlier_and_a_missing_reading_are_not_used():
-    numbers, memory = np.array([[1.0], [2.0], [3.0]]), np.ones((3, 43))
-    predicted = np.hstack((numbers, numbers))
-    before = numbers.copy()
-    used, _ = core.assimilate(1, 3, numbers, memory, predicted, np.array([np.nan, 90.0]), np.ones(2), 6.0)
-    assert used == 0
-    np.testing.assert_array_equal(numbers, before)
 
 
 @pytest.mark.parametrize("drive", ["displacement_in_m", "tension_in_N"])

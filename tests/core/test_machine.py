@@ -137,9 +137,9 @@ def test_many_machines_are_stepped_as_each_by_itself():
         of[LAW.pulling, :k] = of[LAW.releasing, :k] = more
     shift, drive = rng.uniform(0.0, 0.2, (machines, 1)), rng.uniform(-1e-3, 1e-3, (machines, 3))
     stiffness, load = rng.uniform(0.02, 0.1, (machines, 2)), rng.uniform(-1e-3, 1e-3, (machines, 2))
-    none = np.zeros((machines, 2))
+    none, row = np.zeros((machines, 2)), np.zeros(machines, dtype=np.int64)
     done, after, where, ends = core.step_machines(
-        k, plant, slope, shift, np.tile(memory.ravel(), (machines, 1)), np.zeros((machines, 6)),
+        k, plant, slope, shift, memory.reshape(1, -1), row, np.zeros((machines, 6)),
         np.tile(distal.ravel(), (machines, 1)), stiffness, np.zeros((machines, 4)), np.zeros(machines), none,
         none, False, drive, np.zeros((machines, 3)), load, 0.5, 0.0,
     )  # fmt: skip

@@ -12,14 +12,16 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
-from typing import Any, ClassVar, NamedTuple, Self
+from functools import lru_cache
+from typing import ClassVar, Self
 
 import numpy as np
 
 from tssgeom import core
-from tssgeom.adapt.followed import FollowedNumber
-from tssgeom.adapt.members import PLAYS, SETTINGS, Members, Standing
-from tssgeom.adapt.readings import FollowedRig, Moment, mean_and_sd, noise_variance
+from tssgeom.adapt.followed import FollowedNumber, limits_of
+from tssgeom.adapt.members import PLAYS, SETTINGS, Members, Rows, Standing
+from tssgeom.adapt.readings import FollowedRig, Moment, noise_variance
+from tssgeom.adapt.stepped import Compared, Stepped, Taken
 from tssgeom.adapt.trailed_drive import TRAIL, TrailedDrive
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.core.constants import CHANCE
@@ -31,31 +33,12 @@ PROBES = 2
 """Members for each drive that show what an error of it does [1]; derived: one either way."""
 
 
-class Stepped(NamedTuple):
-    """What a step makes of members."""
-
-    standing: Standing
-    read: Matrix
-    """[members, c] What each channel should read."""
-    ends: Matrix
-    """[members, 4 n] T_in, T_out [N], x_in, x_out [m] of each tendon."""
-    joint: Any = None
-    """Of a machine whose joint is given: where it is."""
-
-
-class Taken(NamedTuple):
-    """What readings have made of the members."""
-
-    values: Matrix
-    """[members, c + e] What each channel should read, and the ends and all else that is shifted."""
-    channels_by_drive: Vector
-    """[c] What errors of the drives do to the channels."""
-    ends_by_drive: Vector
-    """[e] The same of the ends."""
-    innovation: Matrix
-    """[c, 2] Readings less what was expected, and the variance of that."""
-    beyond: Vector
-    """[c] As in `FollowedRig`."""
+@lru_cache(maxsize=8)
+def _with_probes(count: int, drives: int) -> Rows:
+    """Return the rows of so many members, and then of those that show what errors of the drives do."""
+    rows = np.append(np.arange(count), np.zeros(PROBES * drives, dtype=np.int64))
+    rows.setflags(write=False)
+    return rows
 
 
 class Ensemble(Members):
@@ -142,25 +125,24 @@ class Ensemble(Members):
             turned = [one.take(value) for one, value in zip(drives, driven, strict=True)]
             if any(one is not None for one in turned):
                 self._follow(turned, at)
-        count, probes = len(self.members), PROBES * len(drives)
-        rows = np.append(np.arange(count), np.zeros(probes, dtype=np.int64))
-        start, numbers = self.kept.with_rows(rows), self.members[rows]
+        count, start = len(self.members), self.kept
+        rows = _with_probes(count, len(drives))
         if start.block.shape[1] > PLAYS:
-            start.block[:, PLAYS:] = self.now.block[rows, PLAYS:]
-        read = np.full((count + probes, len(drives)), [one.position for one in drives])
+            start.block[:, PLAYS:] = self.now.block[:, PLAYS:]
+        read = np.full((len(rows), len(drives)), [one.position for one in drives])
         if not (exact and self.of_machines):
             for i, one in enumerate(drives):
                 read[count + PROBES * i : count + PROBES * (i + 1), i] += one.noise, -one.noise
-        after = self._stepped(start, numbers, read, at, self._span(at), 0.0 if math.isnan(passed) else passed)
+        after = self._stepped(start, rows, read, at, self._span(at), 0.0 if math.isnan(passed) else passed)
+        there = after.standing.first(count)
 
         def read_behind(drive: int) -> Vector:
             """Return what a member reads one of whose drives has turned as far as that may not show."""
             one, back = drives[drive], read[:1].copy()
             back[0, drive] -= one.way * TRAIL.may_turn * one.noise
-            first = after.standing.with_rows(rows[:1])
-            return self._stepped(first, numbers[:1], back, at, 0.0, 0.0).read[0]
+            return self._stepped(there, rows[:1], back, at, 0.0, 0.0).read[0]
 
-        taken = self._shifted(start, after, at, read_behind)
+        taken = self._shifted(there, after, self._given(at), read_behind)
         self._passed(after, at)
         self.time = at.time
         if math.isnan(self.kept.time):
@@ -181,53 +163,68 @@ class Ensemble(Members):
         return SETTINGS.first_span if math.isnan(before) else max(at.time - before, 0.0)
 
     def _shifted(
-        self, start: Standing, after: Stepped, at: Moment, read_behind: Callable[[int], Vector]
+        self, there: Standing, after: Stepped, given: Vector, read_behind: Callable[[int], Vector]
     ) -> Taken:
         """Let what was read shift numbers, and where the members stand and are."""
-        count, there, kept = len(self.members), after.standing, self.kept
-        both = np.concatenate((kept.memory, there.memory[:count]), axis=1)
-        parts = (after.ends, there.coordinate, there.block, start.coordinate, start.block)
-        others = np.concatenate(parts, axis=1)
-        taken = self._take_in(both, after.read, others, self._given(at), read_behind)
-        stop, columns = len(self.channels), list[Matrix]()
-        for one in parts:
-            columns.append(taken.values[:, stop : stop + one.shape[1]])
+        count, kept, shifted = len(self.members), self.kept, after.ends[: len(self.members)]
+        others = (there.coordinate, there.block, kept.coordinate, kept.block)
+        if sum(one.shape[1] for one in others):
+            shifted = np.concatenate((shifted, *others), axis=1)
+        compared = self._compared(after, given, read_behind)
+        limits = limits_of(self.numbers)
+        _, innovation, values, covariance, expected, moments = core.assimilate(
+            self.count,
+            len(self.edge),
+            self.members,
+            kept.memory,
+            there.memory,
+            after.read[:count],
+            shifted,
+            compared.reading,
+            compared.variance,
+            self.outlier,
+            limits.lower,
+            limits.upper,
+        )
+        stop, columns = after.ends.shape[1], list[Matrix]()
+        for one in others:
+            columns.append(shifted[:, stop : stop + one.shape[1]])
             stop += one.shape[1]
-        _, coordinate, block, kept.coordinate, kept.block = columns
-        width = kept.memory.shape[1]
-        kept.memory, memory = both[:, :width], both[:, width:]
-        self.now = Standing(memory, coordinate, block, there.position[:count], there.by_force, at.time)
-        return taken
+        there.coordinate, there.block, kept.coordinate, kept.block = columns
+        self.now = there
+        self._update_lines(values)
+        return Taken(values, covariance, expected, moments, compared, innovation)
 
     def _follow(self, turned: Sequence[float | None], at: Moment) -> None:
         """Move what is kept behind the drives, to where one has `turned`; members differ in where."""
         spread = np.zeros_like(self.committed)
         if self.of_machines or turned.count(None) < len(turned):
             sd = np.array([TRAIL.turn_error * one.noise for one in self._driving])
-            spread = self._deviations(len(self.members), sd, self._known())
+            spread = self._deviations(sd, self._known())
         for i, (drive, one) in enumerate(zip(self._driving, turned, strict=True)):
             if one is not None:
                 drive.committed, self.committed[:, i] = one, one + spread[:, i]
             elif drive.way * (drive.safe() - drive.committed) > 0.0:
                 drive.committed = self.committed[:, i] = drive.safe()
-        self.kept = self._stepped(self.kept, self.members, self.committed, at, self._span(at), 0.0).standing
+        rows = _with_probes(len(self.members), 0)
+        self.kept = self._stepped(self.kept, rows, self.committed, at, self._span(at), 0.0).standing
 
     def _result(self, taken: Taken) -> FollowedRig:
-        mean, spread = mean_and_sd(taken.values)
-        c = len(self.channels)
-        read = {
-            name: (float(mean[i]), math.hypot(spread[i], taken.channels_by_drive[i]))
-            for i, name in enumerate(self.channels if self.of_machines else ())
-            if math.isfinite(mean[i])
-        }
+        read = dict[str, tuple[float, float]]()
+        if self.of_machines:
+            mean, variance = taken.channels.T
+            sd = np.sqrt(variance + taken.compared.by_drive**2)
+            pairs = zip(self.channels, mean.tolist(), sd.tolist(), strict=True)
+            read = {name: (one, error) for name, one, error in pairs if math.isfinite(one)}
         return FollowedRig(
             self.keys,
-            *self._covariance(),
-            mean[c : c + 4],
-            np.hypot(spread[c : c + 4], taken.ends_by_drive[:4]),
+            taken.values,
+            self._true_covariance(taken.covariance),
+            taken.ends[:4, 0],
+            np.sqrt(taken.ends[:4, 1] + taken.compared.ends_by_drive[:4] ** 2),
             taken.innovation[:, 0],
             np.sqrt(taken.innovation[:, 1]),
-            taken.beyond,
+            taken.compared.beyond,
             read,
         )
 
@@ -237,18 +234,18 @@ class Ensemble(Members):
 
     @abstractmethod
     def _stepped(
-        self, start: Standing, numbers: Matrix, read: Matrix, at: Moment, span: float, passed: float
+        self, start: Standing, rows: Rows, read: Matrix, at: Moment, span: float, passed: float
     ) -> Stepped:
-        """Return what a step makes of as many members (then probes) as there are numbers.
+        """Return what a step makes of some members.
 
         Parameters
         ----------
         start
-            Where they stand before it.
-        numbers
-            [members, d] What is followed.
+            Where all members stand before it.
+        rows
+            [rows] Which members they are, each as often as it is stepped.
         read
-            [members, drives] What the sensors of the drives read.
+            [rows, drives] What the sensors of the drives read.
         at
             What was measured.
         span, passed
@@ -271,79 +268,45 @@ class Ensemble(Members):
         """Keep what else is known after a moment."""
 
     def _tensions(self) -> Matrix:
-        """Return the tension of each member at the ends of its tendons [ends, members] [N]."""
-        tendons = self.kept.memory.reshape(len(self.members), self.count, -1)
-        return tendons[:, :, [0, len(self.edge)]].reshape(len(self.members), -1).T
+        """Return the tension of each member at the ends of its tendons [members, ends] [N]."""
+        tendons, last = self.kept.memory.reshape(len(self.members), self.count, -1), len(self.edge)
+        return np.concatenate((tendons[:, :, 0], tendons[:, :, last]), axis=1)
 
-    def _require_all(self, done: int, numbers: Matrix, what: str) -> None:
+    def _require_all(self, done: int, rows: Rows, what: str) -> None:
         """Refuse a step in which not all members were done."""
-        if done < len(numbers):
-            said = ", ".join(f"{key} {value:g}" for key, value in zip(self.keys, numbers[done], strict=True))
+        if done < len(rows):
+            numbers = zip(self.keys, self.members[rows[done]], strict=True)
+            said = ", ".join(f"{key} {value:g}" for key, value in numbers)
             raise FitError(f"there is no equilibrium of the {what} with {said}: take smaller steps")
 
-    def _take_in(
-        self,
-        after: Matrix,
-        predicted: Matrix,
-        ends: Matrix,
-        given: Vector,
-        read_behind: Callable[[int], Vector],
-    ) -> Taken:
-        """Shift numbers and memories by what was read; docs/model.md (203), (251).
+    def _compared(self, after: Stepped, given: Vector, read_behind: Callable[[int], Vector]) -> Compared:
+        """Compare what was read [c] with what is expected; docs/model.md (251), (252).
 
         Parameters
         ----------
         after
-            [members, ...] What readings shift of what the members remember.
-        predicted, ends
-            What each channel should read [members + probes, c], and all else that a reading shifts.
+            What a step made of the members, and then of the probes.
         given
             [c] What was read; NaN is nothing.
         read_behind
             What each channel should read of a member whose drive of this number has turned [c].
         """
         drives = self._driving
-        count, pairs = len(self.members), (len(drives), PROBES, -1)
-        probes = predicted[count:].reshape(pairs) - predicted[0]
-        ends_by_drive = 0.5 * np.abs(np.diff(ends[count:].reshape(pairs), axis=1))[:, 0]
-        by_drive = 0.5 * (probes[:, 0] - probes[:, 1])
-        bent = 0.5 * np.abs(probes.sum(axis=1)).max(axis=0)
-        farthest = np.abs(probes).max(axis=1)
-        mean, spread = mean_and_sd(predicted[:count])
-        off = given - mean - np.array([one.off for one in drives]) @ by_drive
-        variance = self._noise_variance + (by_drive**2).sum(axis=0)
-        self._weigh(drives, off / np.sqrt(variance + spread**2), by_drive)
-        for i, one in enumerate(drives):
+        reading, variance, off, greatest, farthest, lowest, *by_drive = core.compare_readings(
+            len(self.members),
+            after.read,
+            after.ends,
+            given,
+            self._noise_variance,
+            np.array([(one.off, one.share, one.way) for one in drives], dtype=np.float64),
+            SETTINGS.felt,
+            SETTINGS.bent,
+        )
+        for i, (one, as_if) in enumerate(zip(drives, lowest.tolist(), strict=True)):
+            one.weigh(as_if)
             if one.turn_probability > 0.5:
-                farthest[i] = np.maximum(farthest[i], np.abs(read_behind(i) - predicted[0]))
-        most = self._noise_variance + spread**2 + (farthest**2).sum(axis=0)
-        beyond = np.abs(given - mean) / np.sqrt(most)
+                behind = np.maximum(farthest[i], np.abs(read_behind(i) - after.read[0]))
+                greatest += behind**2 - farthest[i] ** 2
         if any(one.may_have_turned for one in drives):
-            off = np.full(len(off), math.nan)
-        off[bent > SETTINGS.bent * np.sqrt(self._noise_variance)] = math.nan
-        whole = np.concatenate((predicted[:count], ends[:count]), axis=1)
-        _, innovation = core.assimilate(
-            2 * self.count,
-            len(self.edge),
-            self.members,
-            after,
-            whole,
-            np.concatenate((mean + off, np.full(ends.shape[1], math.nan))),
-            np.concatenate((variance, np.ones(ends.shape[1]))),
-            self.outlier,
-        )
-        self._bound()
-        self._update_lines()
-        share = np.array([one.share for one in drives])
-        channels, moved = (
-            np.sqrt(((share[:, None] * each) ** 2).sum(axis=0)) for each in (by_drive, ends_by_drive)
-        )
-        return Taken(whole, channels, moved, innovation[: len(given)], beyond)
-
-    def _weigh(self, drives: Sequence[TrailedDrive], off: Vector, by_drive: Matrix) -> None:
-        """Let each drive take in the reading that is most as if it had turned; docs/model.md (252)."""
-        for one, does in zip(drives, by_drive, strict=True):
-            signed = one.way * np.sign(does) * off
-            felt = np.abs(does) > SETTINGS.felt * np.sqrt(self._noise_variance)
-            signed = signed[felt & np.isfinite(signed)]
-            one.weigh(float(signed.min()) if len(signed) else math.nan)
+            reading[:] = math.nan
+        return Compared(reading, variance, np.abs(off) / np.sqrt(greatest), *by_drive)

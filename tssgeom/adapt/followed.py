@@ -65,11 +65,11 @@ _SENSORS = 5  # numbers of `SensorNumbers`
 class SensorNumbers(NamedTuple):
     """Gains and zeros of both tensions, and how much of T_in the distal cell reads."""
 
-    gain_in: float | Vector
-    zero_in: float | Vector
-    gain_out: float | Vector
-    zero_out: float | Vector
-    crosstalk: float | Vector
+    gain_in: float
+    zero_in: float
+    gain_out: float
+    zero_out: float
+    crosstalk: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -237,9 +237,10 @@ class StraightLines:
     sensor_slope: Matrix
     """[d, 5]"""
 
-    def sensors_of(self, numbers: Matrix) -> SensorNumbers:
-        """Return the sensors of members whose numbers are [n, d], each [n]."""
-        return SensorNumbers(*(self.sensors + (numbers - self.about) @ self.sensor_slope).T)
+    def of_tension_in(self, numbers: Matrix) -> tuple[Vector, Vector]:
+        """Return the zero and the gain of T_in of members whose numbers are [n, d], each [n]."""
+        gain, zero = (self.sensors[:2] + (numbers - self.about) @ self.sensor_slope[:, :2]).T
+        return zero, gain
 
 
 def straight_lines(

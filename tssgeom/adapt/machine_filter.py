@@ -12,13 +12,14 @@ from typing import NamedTuple
 import numpy as np
 
 from tssgeom import core
-from tssgeom.adapt.ensemble import Ensemble, Stepped
+from tssgeom.adapt.ensemble import Ensemble
 from tssgeom.adapt.followed import FollowedNumber
 from tssgeom.adapt.machine_laws import laws_of, without_zeros
 from tssgeom.adapt.machine_lines import MachineNumbers, machine_lines
 from tssgeom.adapt.machine_readings import MachineReadings, Moved, SensorState, channels_read, true_channels
-from tssgeom.adapt.members import SETTINGS, Standing
+from tssgeom.adapt.members import SETTINGS, Rows, Standing
 from tssgeom.adapt.readings import Moment
+from tssgeom.adapt.stepped import Stepped
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.errors import SettingsError
 from tssgeom.mechanism import tendon_count
@@ -97,8 +98,8 @@ class MachineFilter(Ensemble):
         count = SETTINGS.members // 2
         read = np.tile([values[name] for name in self.drives], (count, 1))
         span = max(span, SETTINGS.first_span)
-        at, start = Moment(self.time, self.cut, MachineReadings(values)), self.now.with_rows(np.arange(count))
-        joint = self._stepped(start, self.members[:count], read, at, span, 0.0).standing.coordinate[:, 0]
+        at, rows = Moment(self.time, self.cut, MachineReadings(values)), np.arange(count)
+        joint = self._stepped(self.now, rows, read, at, span, 0.0).standing.coordinate[:, 0]
         return float(joint.mean()), float(joint.std(ddof=1))
 
     def _used(self, at: Moment) -> tuple[Moment, list[float]]:
@@ -121,9 +122,10 @@ class MachineFilter(Ensemble):
         }
 
     def _stepped(
-        self, start: Standing, numbers: Matrix, read: Matrix, at: Moment, span: float, passed: float
+        self, start: Standing, rows: Rows, read: Matrix, at: Moment, span: float, passed: float
     ) -> Stepped:
-        rows, lines, sensed = len(numbers), self._lines, self.sensors.with_block(start.block.copy())
+        count, lines, sensed = len(rows), self._lines, self.sensors.with_block(start.block[rows])
+        numbers = self.members[rows]
         of = lines.numbers_of(numbers)
         motor, drive = self._driven(of, sensed, read)
         laws = laws_of(self.rig, of, self.drive, drive, without_zeros(at.readings.values, of, self.channels))
@@ -133,13 +135,14 @@ class MachineFilter(Ensemble):
             lines.slope,
             numbers - lines.about,
             start.memory,
-            laws.proximal.reshape(rows, -1),
-            laws.distal.reshape(rows, -1),
+            rows,
+            laws.proximal.reshape(count, -1),
+            laws.distal.reshape(count, -1),
             laws.stiffness,
             laws.gravity,
             laws.friction,
             laws.at_rest,
-            start.coordinate,
+            start.coordinate[rows],
             self.drive == "tension_in",
             laws.drive,
             laws.end,
@@ -147,16 +150,16 @@ class MachineFilter(Ensemble):
             span,
             0.0,
         )
-        self._require_all(done, numbers, "machine")
+        self._require_all(done, rows, "machine")
         motor = coordinate[:, -1] if self.drive == "motor_torque_Nm" else motor
         joint = self.joint
         if laws.angle is not None:
             joint = Turning(float(laws.angle[0]), float(direction(laws.angle[:1], joint)[0]), 0.0)
         way = float(self._driving[0].way)
-        moved = Moved(ends.reshape(rows, self.count, 4), coordinate, motor, laws.angle, way, joint.way)
+        moved = Moved(ends.reshape(count, self.count, 4), coordinate, motor, laws.angle, way, joint.way)
         channels = sensed.read(true_channels(self.rig, of, moved), of, self.channels, passed)
         standing = Standing(memory, coordinate, sensed.block, start.position, False, at.time)
-        return Stepped(standing, channels, ends.reshape(rows, -1), joint)
+        return Stepped(standing, channels, ends, joint)
 
     def _driven(self, of: MachineNumbers, sensed: SensorState, read: Matrix) -> tuple[Vector | None, Matrix]:
         """Return the angle of the motor, and where the drives go, from what their sensors read."""

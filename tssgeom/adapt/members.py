@@ -9,12 +9,13 @@ import copy
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tssgeom import core
 from tssgeom.adapt.drift_rate import DriftRate
 from tssgeom.adapt.followed import FollowedNumber, limits_of, with_numbers
 from tssgeom.adapt.readings import mean_and_variance
@@ -46,6 +47,7 @@ class FilterSettings(NamedTuple):
 
 
 SETTINGS = FilterSettings()
+Rows = NDArray[np.int64]
 PLAYS = 2
 """First columns of a `block`, which plays keep, before those of lagging sensors."""
 
@@ -67,20 +69,26 @@ class Standing:
     time: float
     """[s]"""
 
-    def with_rows(self, rows: NDArray[np.int64]) -> Standing:
-        """Return those of some members."""
+    def first(self, count: int) -> Standing:
+        """Return those of the first members, in the same arrays."""
         return Standing(
-            self.memory.take(rows, axis=0),
-            self.coordinate.take(rows, axis=0),
-            self.block.take(rows, axis=0),
-            self.position.take(rows),
+            self.memory[:count],
+            self.coordinate[:count],
+            self.block[:count],
+            self.position[:count],
             self.by_force,
             self.time,
         )
 
     def copied(self) -> Standing:
         """Return the same, to be changed by itself."""
-        return self.with_rows(np.arange(len(self.memory)))
+        return replace(
+            self,
+            memory=self.memory.copy(),
+            coordinate=self.coordinate.copy(),
+            block=self.block.copy(),
+            position=self.position.copy(),
+        )
 
 
 class Members(ABC):
@@ -100,7 +108,9 @@ class Members(ABC):
         self.rig, self.numbers = rig, tuple(numbers)
         self.random = np.random.default_rng(seed)
         sd = np.array([one.sd for one in numbers])
-        self.members = np.array([one.value for one in numbers]) + self._deviations(SETTINGS.members, sd, [])
+        self.members = np.array([one.value for one in numbers]) + self._deviations(
+            sd, np.empty((SETTINGS.members, 0))
+        )
         self._bound()
         self.time = math.nan
         self.drift = DriftRate(_stated(numbers))
@@ -135,7 +145,7 @@ class Members(ABC):
         other = self.copied()
         other.rig, other.numbers = rig, (*self.numbers, *more)
         value, sd = np.array([(one.value, one.sd) for one in more]).reshape(-1, 2).T
-        spread = other._deviations(len(self.members), sd, self._known())
+        spread = other._deviations(sd, self._known())
         other.members = np.hstack((self.members, value + spread))
         other.drift = self.drift.with_more(_stated(more))
         other._of_sensors = np.array([one.of_sensor for one in other.numbers], dtype=bool)
@@ -147,7 +157,7 @@ class Members(ABC):
         """Let the numbers have at least these standard deviations [d] again: what is known of them is old."""
         now = self.members.std(axis=0, ddof=1)
         missing = np.sqrt(np.maximum(sds**2 - now**2, 0.0))
-        self.members = self.members + self._deviations(len(self.members), missing, self._known())
+        self.members = self.members + self._deviations(missing, self._known())
         self.drift.restart()
         self._bound()
 
@@ -155,15 +165,15 @@ class Members(ABC):
         """Set some numbers to other values with these standard deviations, uncorrelated with all else."""
         chosen = [i for i, key in enumerate(self.keys) if key in values]
         keys = [self.keys[i] for i in chosen]
-        known = [*np.delete(self.members, chosen, axis=1).T, *self._tensions()]
-        spread = self._deviations(len(self.members), np.array([sds[key] for key in keys]), known)
+        known = np.hstack((np.delete(self.members, chosen, axis=1), self._tensions()))
+        spread = self._deviations(np.array([sds[key] for key in keys]), known)
         self.members[:, chosen] = np.array([values[key] for key in keys]) + spread
         self.drift.restart()
         self._bound()
-        self._update_lines()
+        self._update_lines(self.values)
 
-    def _known(self) -> list[Vector]:
-        return [*self.members.T, *self._tensions()]
+    def _known(self) -> Matrix:
+        return np.concatenate((self.members, self._tensions()), axis=1)
 
     def draw_lines(self, about: Vector) -> None:
         """Draw the straight lines about these numbers [d]; docs/model.md (201)."""
@@ -176,28 +186,24 @@ class Members(ABC):
 
     @abstractmethod
     def _tensions(self) -> Matrix:
-        """Return the tension of each member at the ends of its tendons [ends, members] [N]."""
+        """Return the tension of each member at the ends of its tendons [members, ends] [N]."""
 
-    def _update_lines(self) -> None:
-        """Draw the straight lines about other values where the numbers went far."""
-        off = np.abs(self.values - self.about)
-        if (off > SETTINGS.straight * limits_of(self.numbers).scale).any():
-            self.draw_lines(self.values)
+    def _update_lines(self, values: Vector) -> None:
+        """Draw the straight lines about other values [d] where the numbers went far."""
+        if (np.abs(values - self.about) > SETTINGS.straight * limits_of(self.numbers).scale).any():
+            self.draw_lines(values)
 
     @property
     def error_ratio(self) -> Vector:
         """[d] Standard errors of the numbers, over those for which the filter is made."""
         return np.sqrt(self.drift.spread(mean_and_variance(self.members)[1])[1])
 
-    def _covariance(self) -> tuple[Vector, Matrix]:
-        """Return the numbers as they are now [d], and their covariance [d, d]; docs/model.md (268)."""
-        values = self.values
-        deviation = self.members - values
-        covariance = deviation.T @ deviation / (len(self.members) - 1)
-        whole, ratio = self.drift.spread(np.diag(covariance))
-        np.fill_diagonal(covariance, whole)
+    def _true_covariance(self, covariance: Matrix) -> Matrix:
+        """Return the covariance of the numbers [d, d], from that of the members; docs/model.md (268)."""
+        whole, ratio = self.drift.spread(covariance.diagonal())
+        covariance.flat[:: len(whole) + 1] = whole
         root = np.sqrt(ratio)
-        return values, covariance * np.outer(root, root)
+        return covariance * (root[:, None] * root)
 
     def _drift(self, span: float, drives: Sequence[TrailedDrive]) -> None:
         """Add what the numbers change by, uncorrelated with what members differ in; (204), (269).
@@ -212,15 +218,12 @@ class Members(ABC):
         moved = sum(one.has_moved() for one in drives) > 0  # each of them has to note that
         sd = np.sqrt(self.drift.take(self._of_sensors | moved, *mean_and_variance(self.members)))
         if sd.any():
-            self.members = self.members + self._deviations(len(self.members), sd, self._known())
+            self.members = self.members + self._deviations(sd, self._known())
             self._bound()
 
-    def _deviations(self, count: int, sd: Vector, known: Sequence[Vector]) -> Matrix:
-        """Return [count, d] deviations of these sizes, uncorrelated in the sample with `known`."""
-        basis = np.linalg.qr(np.column_stack([np.ones(count), *known]))[0]
-        random = self.random.standard_normal((count, len(sd)))
-        random -= basis @ (basis.T @ random)
-        return np.linalg.qr(random)[0] * (math.sqrt(count - 1.0) * sd)
+    def _deviations(self, sd: Vector, known: Matrix) -> Matrix:
+        """Return [members, d] deviations of these sizes, uncorrelated in the sample with `known`."""
+        return sd * core.deviations(self.random.standard_normal((len(known), len(sd))), known)
 
     def _bound(self) -> None:
         limits = limits_of(self.numbers)

@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from tssgeom.adapt.followed import SensorNumbers
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.rig import Sensor
 from tssgeom.route.pieces import Arcs
@@ -78,19 +77,6 @@ class FollowedRig:
 def noise_variance(sensor: Sensor | None) -> float:
     """Return the variance of a reading by the stated noise and resolution of its sensor."""
     return 0.0 if sensor is None else sensor.noise**2 + sensor.resolution**2 / 12.0
-
-
-def predicted_readings(ends: Matrix, sensors: SensorNumbers) -> Matrix:
-    """Return what each of CHANNELS should read of the ends [n, 4]; docs/model.md (61)."""
-    tension_in, tension_out, x_in, x_out = ends.T
-    distal = tension_out + sensors.crosstalk * tension_in
-    return np.column_stack(
-        (
-            tension_in * sensors.gain_in + sensors.zero_in,
-            distal * sensors.gain_out + sensors.zero_out,
-            x_in - x_out,
-        )
-    )
 
 
 def mean_and_sd(values: Matrix) -> tuple[Vector, Vector]:

@@ -8,10 +8,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from tssgeom import core
-from tssgeom.adapt.ensemble import Ensemble, Stepped
+from tssgeom.adapt.ensemble import Ensemble
 from tssgeom.adapt.followed import FollowedNumber, straight_lines
-from tssgeom.adapt.members import SETTINGS, Standing
-from tssgeom.adapt.readings import CHANNELS, Moment, Readings, mean_and_sd, predicted_readings
+from tssgeom.adapt.members import SETTINGS, Rows, Standing
+from tssgeom.adapt.readings import CHANNELS, Moment, Readings, mean_and_sd
+from tssgeom.adapt.stepped import Stepped
 from tssgeom.adapt.trailed_drive import TrailedDrive
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.rig import Rig
@@ -66,9 +67,7 @@ class RigFilter(Ensemble):
         rows = np.arange(SETTINGS.members // 2)
         read, readings = np.full((len(rows), 1), drive), Readings(tension_in, displacement_in, commanded=True)
         at, span = Moment(self.time, arcs, readings), max(span, SETTINGS.first_span)
-        return mean_and_sd(
-            self._stepped(self.now.with_rows(rows), self.members[rows], read, at, span, 0.0).ends
-        )
+        return mean_and_sd(self._stepped(self.now, rows, read, at, span, 0.0).ends)
 
     def drive_value(self, by_force: bool) -> float:
         """Return where the drive is, as it follows from its readings [N] or [m]."""
@@ -93,22 +92,25 @@ class RigFilter(Ensemble):
         return np.array([math.nan if v is None or name in self.muted else v for name, v in usable])
 
     def _stepped(
-        self, start: Standing, numbers: Matrix, read: Matrix, at: Moment, span: float, passed: float
+        self, start: Standing, rows: Rows, read: Matrix, at: Moment, span: float, passed: float
     ) -> Stepped:
         readings: Readings = at.readings
         lines, drive, by_force = self._lines, read[:, 0], readings.by_force
-        sensors = lines.sensors_of(numbers)
         if by_force and not readings.commanded:
-            drive = np.maximum((drive - sensors.zero_in) / sensors.gain_in, 0.0)
-        done, memory, ends = core.step_ensemble(
+            zero, gain = lines.of_tension_in(self.members[rows])
+            drive = np.maximum((drive - zero) / gain, 0.0)
+        done, memory, ends, predicted = core.step_ensemble(
             self.edge,
             lines.plant,
             lines.slope,
-            numbers - lines.about,
+            lines.sensors,
+            lines.sensor_slope,
+            self.members - lines.about,
             start.memory,
+            rows,
             at.arcs.length,
             at.arcs.angle,
-            self._gains(numbers),
+            self._gains(),
             self._bends,
             at.arcs is not self.cut,
             by_force,
@@ -118,14 +120,14 @@ class RigFilter(Ensemble):
             max(span, _LEAST_SPAN),
             at.warmth,
         )
-        self._require_all(done, numbers, "tendon")
+        self._require_all(done, rows, "tendon")
         standing = Standing(memory, start.coordinate, start.block, ends[:, 2], by_force, at.time)
-        return Stepped(standing, predicted_readings(ends, sensors), ends)
+        return Stepped(standing, predicted, ends)
 
-    def _gains(self, numbers: Matrix) -> Vector:
+    def _gains(self) -> Vector:
         if "route.angle_gain" in self.keys:
-            return np.ascontiguousarray(numbers[:, self.keys.index("route.angle_gain")])
-        return np.full(len(numbers), self.rig.route.angle_gain)
+            return np.ascontiguousarray(self.members[:, self.keys.index("route.angle_gain")])
+        return np.full(len(self.members), self.rig.route.angle_gain)
 
     def _draw_lines(self) -> None:
         self._bends = bends_of(setup_of(self.rig))

@@ -188,30 +188,32 @@ ENTRY int64_t tss_march_machine(
 
 /** Step n tendons whose plants are straight lines over d numbers; docs/model.md (201), (202).
 
-`slope` [d] is what 1 of each number adds to `plant`, `shift` [n, d] how far the numbers of each member are from
-those of the plant. Where the route has `moved` from that of the plant it is `length`, `angle` of its pieces
-times `gain` [n] of each member. `position` [m] is where each drive was, `drive` [n] where it goes, [N] or [m];
-`warmth` [K]. Returns how many members were stepped, fewer where one finds no equilibrium; the memories; and
-T_in, T_out [N], x_in, x_out [m] of each. */
+`slope` [d] is what 1 of each number adds to `plant`, `sensor_slope` [d] what it adds to gain and zero of T_in and of
+T_out and to the crosstalk, which are `sensors`; `shift` [w, d] how far the numbers of each of w tendons are from those of
+the plant. Tendon j begins as tendon `row[j]` of the w. Where the route has `moved` from that of the plant it is `length`,
+`angle` of its pieces times `gain` [w] of each. `position` [w] is where each drive was [m], `drive` [n] where it goes, [N]
+or [m]; `warmth` [K]. Returns how many were stepped, fewer where one finds no equilibrium; the memories; T_in, T_out [N],
+x_in, x_out [m] of each; and what is read of T_in and T_out [N], and of the elongation [m]. */
 ENTRY int64_t tss_step_ensemble(
-    int64_t n, int64_t k, const double edge[k], int64_t d, const double plant[16 * (k + 1) + 429],
-    const double slope[d][16 * (k + 1) + 429], const double shift[n][d],
-    const double memory[n][9 * (k + 1) + 7], int64_t p, const double length[p], const double angle[p],
-    const double gain[n], int64_t m, const double bends[m][3], int64_t moved, int64_t by_force,
-    int64_t was_by_force, const double position[n], const double drive[n], double span, double warmth,
-    OUT double after[n][9 * (k + 1) + 7], OUT double ends[n][4], WORK double own[16 * (k + 1) + 429],
-    WORK double pieces[6][p + 2 * m], WORK double work[24][k + 1]);
+    int64_t w, int64_t n, int64_t k, const double edge[k], int64_t d, const double plant[16 * (k + 1) + 429],
+    const double slope[d][16 * (k + 1) + 429], const double sensors[5], const double sensor_slope[d][5],
+    const double shift[w][d], const double memory[w][9 * (k + 1) + 7], const int64_t row[n], int64_t p,
+    const double length[p], const double angle[p], const double gain[w], int64_t m, const double bends[m][3],
+    int64_t moved, int64_t by_force, int64_t was_by_force, const double position[w], const double drive[n],
+    double span, double warmth, OUT double after[n][9 * (k + 1) + 7], OUT double ends[n][4],
+    OUT double read[n][3], WORK double own[16 * (k + 1) + 429], WORK double pieces[6][p + 2 * m],
+    WORK double work[24][k + 1]);
 
 /** Step c machines of n tendons, whose plants are straight lines over d numbers; docs/model.md (201), (175).
 
 `slope` [d] is what 1 of each number adds to the plants of all tendons, `shift` [c, d] how far the numbers of each
-machine are from those of the plants. All else is as for `march_machine`, for one sample and with a row for each
+machine are from those of the plants. Machine j begins with the memory in `row[j]` of w. All else is as for `march_machine`, for one sample and with a row for each
 machine. Returns how many were stepped, fewer where one finds no equilibrium; the memories of the tendons; the
 coordinates; and T_in, T_out [N], x_in, x_out [m] of each tendon. */
 ENTRY int64_t tss_step_machines(
-    int64_t c, int64_t n, int64_t k, int64_t d, const double plant[n][16 * (k + 1) + 429],
+    int64_t w, int64_t c, int64_t n, int64_t k, int64_t d, const double plant[n][16 * (k + 1) + 429],
     const double slope[d][n * (16 * (k + 1) + 429)], const double shift[c][d],
-    const double memory[c][n * (9 * (k + 1) + 7)], int64_t m, const double proximal[c][n * m],
+    const double memory[w][n * (9 * (k + 1) + 7)], const int64_t row[c], int64_t m, const double proximal[c][n * m],
     const double distal[c][n * m], const double stiffness[c][m], const double gravity[c][2 * m],
     const double friction[c], const double at_rest[c][m], const double start[c][m], int64_t by_force,
     const double drive[c][n], const double end[c][n], const double load[c][m], double span, double warmth,
@@ -220,11 +222,14 @@ ENTRY int64_t tss_step_machines(
 
 /** Shift n members by c readings, one after the other, as an ensemble square-root filter; docs/model.md (203).
 
-`numbers` [n, d], `memory` [n] of t tendons and `predicted` [n, c] of each member are changed. A reading of NaN is
-none, and one further off than `most_off` standard deviations is an outlier. Returns how many were used, and the
-innovation of each and its variance. */
+`numbers` [n, d], the memories `kept` and `now` [n] of t tendons, `predicted` [n, c] and `others` [n, e] of each member are
+changed, and the numbers then held within their bounds. A reading of NaN is none, and one further off than `most_off`
+standard deviations is an outlier. Returns how many were used; the innovation of each and its variance; mean and
+covariance of the numbers; and mean and variance of what is expected of each channel, and of the others. */
 ENTRY int64_t tss_assimilate(
-    int64_t n, int64_t t, int64_t k, int64_t d, int64_t c, INOUT double numbers[n][d],
-    INOUT double memory[n][t * (9 * (k + 1) + 7)], INOUT double predicted[n][c], const double reading[c],
-    const double variance[c], double most_off, OUT double innovation[c][2],
-    WORK double work[t * (9 * (k + 1) + 7) + d + c]);
+    int64_t n, int64_t t, int64_t k, int64_t d, int64_t c, int64_t e, INOUT double numbers[n][d],
+    INOUT double kept[n][t * (9 * (k + 1) + 7)], INOUT double now[n][t * (9 * (k + 1) + 7)],
+    INOUT double predicted[n][c], INOUT double others[n][e], const double reading[c], const double variance[c],
+    double most_off, const double lower[d], const double upper[d], OUT double innovation[c][2],
+    OUT double values[d], OUT double covariance[d][d], OUT double expected[c][2], OUT double moments[e][2],
+    WORK double work[2 * t * (9 * (k + 1) + 7) + d + c + e]);

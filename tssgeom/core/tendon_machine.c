@@ -252,9 +252,9 @@ int64_t tss_march_machine(
 }
 
 int64_t tss_step_machines(
-    int64_t c, int64_t n, int64_t k, int64_t d, const double plant[n][16 * (k + 1) + 429],
+    int64_t w, int64_t c, int64_t n, int64_t k, int64_t d, const double plant[n][16 * (k + 1) + 429],
     const double slope[d][n * (16 * (k + 1) + 429)], const double shift[c][d],
-    const double memory[c][n * (9 * (k + 1) + 7)], int64_t m, const double proximal[c][n * m],
+    const double memory[w][n * (9 * (k + 1) + 7)], const int64_t row[c], int64_t m, const double proximal[c][n * m],
     const double distal[c][n * m], const double stiffness[c][m], const double gravity[c][2 * m],
     const double friction[c], const double at_rest[c][m], const double start[c][m], int64_t by_force,
     const double drive[c][n], const double end[c][n], const double load[c][m], double span, double warmth,
@@ -266,7 +266,7 @@ int64_t tss_step_machines(
         double sum = 0.0;
         for (int64_t i = 0; i < n; i++) sum += drive[j][i] + end[j][i];
         for (int64_t a = 0; a < m; a++) sum += load[j][a], coordinate[j][a] = start[j][a];
-        if (!isfinite(sum)) return j;
+        if (!isfinite(sum) || row[j] < 0 || row[j] >= w) return j;
         for (int64_t i = 0; i < n; i++) {
             set_plant(k, d, plant[i], *slope + i * size, n * size, shift[j], own[i]);
             set_cones_of(k, own[i]);
@@ -274,7 +274,7 @@ int64_t tss_step_machines(
         sample it = {
             n, k, m, *own, proximal[j], distal[j], stiffness[j], gravity[j], at_rest[j], drive[j], end[j],
             load[j], (int)by_force, m == 1 ? friction[j] : 0.0, 0.0, most(BAR.least_time, span), warmth,
-            memory[j], after[j], work[20], work[0]};
+            memory[row[j]], after[j], work[20], work[0]};
         if (!solve_balance(&it, coordinate[j])) return j;
         read_ends(&it, coordinate[j], ends[j]);
     }

@@ -1,0 +1,45 @@
+"""Slow twins of the entries in `ensemble.h`: deviations of members, and readings beside what they expect."""
+
+import numpy as np
+
+DEPENDENT = 1e-9  # of a column that is left; below it depends on the others
+
+
+def deviations(random, known):
+    """Return columns of `random` without what they have in common with 1, `known` and each other."""
+    columns = []
+    for one in [np.ones(len(random)), *known.T, *random.T]:
+        rest = np.array(one)
+        for other in [*columns, *columns]:
+            rest = rest - np.dot(other, rest) * other
+        length = np.linalg.norm(rest)
+        columns.append(rest / length if length > DEPENDENT * np.linalg.norm(one) else np.zeros(len(one)))
+    return np.sqrt(len(random) - 1.0) * np.column_stack(columns[len(columns) - random.shape[1] :])
+
+
+def compare_readings(n, predicted, others, given, noise, drive, felt, bent):
+    """Do as `tss_compare_readings`, for all channels at once."""
+    pairs, way = (len(drive), 2, -1), drive[:, 2]
+    probes = predicted[n:].reshape(pairs) - predicted[0]
+    moved, bend = 0.5 * (probes[:, 0] - probes[:, 1]), 0.5 * np.abs(probes.sum(axis=1)).max(axis=0)
+    farthest = np.abs(probes).max(axis=1)
+    mean, spread = predicted[:n].mean(axis=0), predicted[:n].var(axis=0, ddof=1)
+    besides = given - mean - drive[:, 0] @ moved
+    variance = noise + (moved**2).sum(axis=0)
+    z = besides / np.sqrt(variance + spread)
+    lowest = []
+    for i in range(len(drive)):
+        shows = (np.abs(moved[i]) > felt * np.sqrt(noise)) & np.isfinite(z)
+        signed = (way[i] * np.sign(moved[i]) * z)[shows]
+        lowest.append(signed.min() if len(signed) else np.nan)
+    both = 0.5 * np.diff(others[n:].reshape(pairs), axis=1)[:, 0]
+    return (
+        np.where(bend > bent * np.sqrt(noise), np.nan, mean + besides),
+        variance,
+        given - mean,
+        noise + spread + (farthest**2).sum(axis=0),
+        farthest,
+        np.array(lowest),
+        np.linalg.norm(drive[:, 1:2] * moved, axis=0),
+        np.linalg.norm(drive[:, 1:2] * both, axis=0),
+    )
