@@ -15,13 +15,19 @@ def walk(share, seed, steps=8000):
     return np.cumsum(np.sqrt(share * STATED) * np.random.default_rng(seed).standard_normal(steps))
 
 
+def members(mean, variance):
+    """Two members with such means and variances."""
+    off = np.sqrt(0.5 * np.asarray(variance))
+    return np.array([mean - off, mean + off])
+
+
 def followed(true, seed):
     """Yield error and variance of a Kalman filter of a number that goes so, and the drift it is made for."""
     rng, rate = np.random.default_rng((seed, 1)), DriftRate(STATED)
     mean, variance = np.zeros(1), np.full(1, 0.01)
     for number, reading in zip(true, true + NOISE * rng.standard_normal(len(true)), strict=True):
         rate.wait(1.0)
-        variance = variance + rate.take(ALL, mean, variance)
+        variance = variance + rate.take(ALL, members(mean, variance)) ** 2
         gain = variance / (variance + NOISE**2)
         mean, variance = mean + gain * (reading - mean), (1.0 - gain) * variance
         whole, ratio = rate.spread(variance)
@@ -61,25 +67,24 @@ def test_bars_at_the_stated_drift_are_at_most_a_tenth_wider_than_where_it_is_kno
 
 
 def test_drift_that_waits_is_in_the_bars_and_comes_when_it_is_added():
-    rate, values, variances = DriftRate(np.tile(STATED, 2)), np.zeros(2), np.full(2, 1e-3)
-    rate.take(np.ones(2, dtype=bool), values, variances)
+    rate, given = DriftRate(np.tile(STATED, 2)), members(np.zeros(2), np.full(2, 1e-3))
+    rate.take(np.ones(2, dtype=bool), given)
     rate.wait(100.0)
-    assert rate.take(np.array([True, False]), values, variances) == pytest.approx(
-        [100.0 * rate.variance[0], 0.0]
-    )
-    whole, _ = rate.spread(variances)
+    sd = rate.take(np.array([True, False]), given)
+    assert sd**2 == pytest.approx([100.0 * rate.variance[0], 0.0])
+    whole, _ = rate.spread(np.full(2, 1e-3))
     assert whole == pytest.approx([1e-3, 1e-3 + 100.0 * rate.variance[1]])
-    assert rate.take(np.ones(2, dtype=bool), values, variances)[1] == pytest.approx(100.0 * rate.variance[1])
+    assert rate.take(np.ones(2, dtype=bool), given)[1] ** 2 == pytest.approx(100.0 * rate.variance[1])
 
 
 def test_numbers_that_are_set_say_nothing_of_their_drift():
     rate = DriftRate(STATED)
     rate.wait(1e6)
-    rate.take(ALL, np.zeros(1), np.full(1, 1e-3))
+    rate.take(ALL, members(np.zeros(1), np.full(1, 1e-3)))
     before = rate.variance
     rate.restart()
     rate.wait(1.0)
-    rate.take(ALL, np.full(1, 5.0), np.full(1, 1e-3))
+    rate.take(ALL, members(np.full(1, 5.0), np.full(1, 1e-3)))
     assert rate.variance == pytest.approx(before)
     assert len(rate.with_more(np.array([1e-6, 0.0])).variance) == 3
 
@@ -89,7 +94,7 @@ def test_a_number_that_all_members_agree_in_says_nothing_of_its_drift():
     before = rate.variance
     for _ in range(100):
         rate.wait(1.0)
-        rate.take(ALL, np.ones(1), np.zeros(1))
+        rate.take(ALL, members(np.ones(1), np.zeros(1)))
     assert rate.variance == pytest.approx(before)
 
 
@@ -104,5 +109,5 @@ def _steps(rate, count, seed=0):
     rng, added = np.random.default_rng(seed), list[float]()
     for _ in range(count):
         rate.wait(1.0)
-        added.append(float(rate.take(ALL, 0.1 * rng.standard_normal(1), np.full(1, 1e-3))[0]))
+        added.append(float(rate.take(ALL, members(0.1 * rng.standard_normal(1), np.full(1, 1e-3)))[0]))
     return added

@@ -86,3 +86,42 @@ def test_an_outlier_and_a_missing_reading_are_not_used_and_numbers_stay_within_t
     )  # fmt: skip
     assert used == 0
     np.testing.assert_array_equal(numbers[:, 0], [1.5, 2.0, 2.5])
+
+
+SHARE, FIRST = np.array([0.0, 0.1, 1.0, 10.0]), np.array([0.5, 0.2, 0.2, 0.1])
+SETTING = (1e-3, 1e-2, 1.0)  # changes in a second, least and greatest share
+
+
+def test_drifts_are_compared_as_by_the_twin():
+    rng, d = np.random.default_rng(6), 3
+    stated, members = np.array([1e-4, 1e-2, 0.0]), 0.1 * rng.standard_normal((30, d))
+    kept = [
+        np.tile(FIRST, (d, 1)),
+        np.zeros((d, 4)),
+        np.zeros((d, 4)),
+        np.tile([0.0, np.nan, 1.0, 0.3], (d, 1)),
+    ]
+    core.compare_drifts(members, np.zeros(d), stated, SHARE, FIRST, *SETTING, *kept)
+    for _ in range(20):
+        members = members.mean(axis=0) + rng.uniform(0.8, 1.1, d) * (members - members.mean(axis=0))
+        members += 0.05 * rng.standard_normal(d)
+        span, values, variances = (
+            rng.choice([0.0, 0.05, 3.0], d),
+            members.mean(axis=0),
+            members.var(axis=0, ddof=1),
+        )
+        expected = twin.compare_drifts(values, variances, span, stated, SHARE, FIRST, SETTING, *kept)
+        sd = core.compare_drifts(members, span, stated, SHARE, FIRST, *SETTING, *kept)
+        for one, another in zip((sd, *kept), expected, strict=True):
+            np.testing.assert_allclose(one, another, rtol=1e-9, atol=1e-13)
+
+
+def test_a_drift_that_waits_is_in_the_true_variances():
+    rng, d, waiting = np.random.default_rng(7), 3, np.array([0.0, 40.0, 0.0])
+    stated, chance = np.array([1e-4, 1e-3, 1e-3]), rng.dirichlet(np.ones(len(SHARE)), d)
+    last, variance = rng.uniform(0.5, 1.0, (d, 4)), np.array([0.1, 0.2, 0.0])
+    whole, ratio = core.true_variances(variance, waiting, stated, SHARE, chance, last)
+    np.testing.assert_allclose(whole, variance + last[:, 3] * stated * waiting)
+    right = last[:, 2] * variance + (chance @ SHARE) * stated * waiting
+    np.testing.assert_allclose((ratio * whole)[:2], right[:2])
+    assert ratio[2] == 1.0  # of a number that all members agree in

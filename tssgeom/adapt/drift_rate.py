@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from tssgeom import core
 from tssgeom.arrays import Matrix, Vector
-from tssgeom.core.constants import CHANCE
 
 
 class DriftSettings(NamedTuple):
@@ -44,8 +44,7 @@ DRIFT = DriftSettings()
 KEPT = ("chances", "means", "spreads", "last", "waiting")
 """What a rate consists of beside what is stated."""
 _SHARES, _PRIOR = np.array(DRIFT.shares), DRIFT.prior
-_ROUNDING = 1e-9  # of a variance [1]; derived: far above that of sums over 64 members
-_VALUE, _VARIANCE, _RATIO, _SHARE = range(4)
+_VARIANCE, _RATIO, _SHARE = 1, 2, 3  # columns of `last`
 
 
 class DriftRate:
@@ -89,10 +88,9 @@ class DriftRate:
 
     def spread(self, variances: Vector) -> tuple[Vector, Vector]:
         """Return variances [d] with the drift that waits, and true ones over them; docs/model.md (268)."""
-        waiting = self.waiting[:, 0]
-        whole = variances + self.variance * waiting
-        true = variances * self.last[:, _RATIO] + self.stated * (self.chances @ _SHARES) * waiting
-        return whole, np.divide(true, whole, out=np.ones_like(whole), where=whole > 0.0)
+        return core.true_variances(
+            variances, self.waiting[:, 0], self.stated, _SHARES, self.chances, self.last
+        )
 
     def restart(self) -> None:
         """Begin anew with what is known of the numbers, which were set; rates stay."""
@@ -109,41 +107,27 @@ class DriftRate:
         """Let time pass [s] whose drift `take` adds."""
         self.waiting += span
 
-    def take(self, drifts: NDArray[np.bool_], values: Vector, variances: Vector) -> Vector:
-        """Take in values [d] and variances [d] before a drift; return what it adds to the variances [d].
+    def take(self, drifts: NDArray[np.bool_], members: Matrix) -> Vector:
+        """Take in the members [n, d] before a drift; return its standard deviations [d]; (253), (269).
 
         Parameters
         ----------
         drifts
             [d] Whether the drift that waits is added.
         """
-        if (begins := np.isnan(self.last[:, _VARIANCE])).any():
-            self.means[begins], self.spreads[begins] = values[begins, None], variances[begins, None]
-            self.last[begins, _VALUE], self.last[begins, _VARIANCE] = values[begins], variances[begins]
-        self._read(values, variances)
-        known = variances > 0.0
-        off = self.spreads + (self.means - values[:, None]) ** 2
-        np.divide((self.chances * off).sum(axis=1), variances, out=self.last[:, _RATIO], where=known)
         span = np.where(drifts, self.waiting[:, 0], 0.0)
         self.waiting[drifts] = 0.0
-        changed = np.minimum(DRIFT.changes * span, 1.0)[:, None]
-        self.chances += changed * (_PRIOR - self.chances)
-        self.last[:, _SHARE] = np.clip(self.chances @ _SHARES, DRIFT.least, DRIFT.most)
-        added = self.variance * span
-        self.spreads += np.outer(self.stated * span, _SHARES)
-        self.last[:, _VALUE], self.last[:, _VARIANCE] = values, variances + added
-        return added
-
-    def _read(self, values: Vector, variances: Vector) -> None:
-        """Let each rate take in what the filter has read since the last drift; docs/model.md (253), (269)."""
-        before, value = self.last[:, _VARIANCE], self.last[:, _VALUE]
-        used = (variances > 0.0) & (variances < (1.0 - _ROUNDING) * before)
-        before, value, variances, values = before[used], value[used], variances[used], values[used]
-        reading = (value + (values - value) * before / (before - variances))[:, None]
-        expected = (before * variances / (before - variances))[:, None] + self.spreads[used]
-        off, gain = reading - self.means[used], self.spreads[used] / expected
-        log = -0.5 * (np.minimum(off * off / expected, CHANCE.never**2) + np.log(expected))
-        self.means[used] += gain * off
-        self.spreads[used] *= 1.0 - gain
-        chances = self.chances[used] * np.exp(log - log.max(axis=1, keepdims=True))
-        self.chances[used] = chances / chances.sum(axis=1, keepdims=True)
+        return core.compare_drifts(
+            members,
+            span,
+            self.stated,
+            _SHARES,
+            _PRIOR,
+            DRIFT.changes,
+            DRIFT.least,
+            DRIFT.most,
+            self.chances,
+            self.means,
+            self.spreads,
+            self.last,
+        )

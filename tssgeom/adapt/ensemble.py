@@ -18,7 +18,7 @@ from typing import ClassVar, Self
 import numpy as np
 
 from tssgeom import core
-from tssgeom.adapt.followed import FollowedNumber, limits_of
+from tssgeom.adapt.followed import FollowedNumber
 from tssgeom.adapt.members import PLAYS, SETTINGS, Members, Rows, Standing
 from tssgeom.adapt.readings import FollowedRig, Moment, noise_variance
 from tssgeom.adapt.stepped import Compared, Stepped, Taken
@@ -171,7 +171,6 @@ class Ensemble(Members):
         if sum(one.shape[1] for one in others):
             shifted = np.concatenate((shifted, *others), axis=1)
         compared = self._compared(after, given, read_behind)
-        limits = limits_of(self.numbers)
         _, innovation, values, covariance, expected, moments = core.assimilate(
             self.count,
             len(self.edge),
@@ -183,8 +182,8 @@ class Ensemble(Members):
             compared.reading,
             compared.variance,
             self.outlier,
-            limits.lower,
-            limits.upper,
+            self._limits.lower,
+            self._limits.upper,
         )
         stop, columns = after.ends.shape[1], list[Matrix]()
         for one in others:

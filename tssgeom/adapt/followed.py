@@ -111,7 +111,7 @@ class Limits(NamedTuple):
 def limits_of(numbers: tuple[FollowedNumber, ...]) -> Limits:
     """Return bounds and sizes of numbers as arrays."""
     columns = [(one.lower, one.upper, one.scale) for one in numbers]
-    return Limits(*np.array(columns).reshape(-1, 3).T)
+    return Limits(*np.ascontiguousarray(np.array(columns).reshape(-1, 3).T))
 
 
 def followed_numbers(rig: Rig, measured: Sequence[str]) -> tuple[FollowedNumber, ...]:

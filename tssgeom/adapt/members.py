@@ -177,7 +177,8 @@ class Members(ABC):
 
     def draw_lines(self, about: Vector) -> None:
         """Draw the straight lines about these numbers [d]; docs/model.md (201)."""
-        self.about = about
+        self.about, self._limits = about, limits_of(self.numbers)
+        self._reach = SETTINGS.straight * self._limits.scale
         self._draw_lines()
 
     @abstractmethod
@@ -190,7 +191,7 @@ class Members(ABC):
 
     def _update_lines(self, values: Vector) -> None:
         """Draw the straight lines about other values [d] where the numbers went far."""
-        if (np.abs(values - self.about) > SETTINGS.straight * limits_of(self.numbers).scale).any():
+        if (np.abs(values - self.about) > self._reach).any():
             self.draw_lines(values)
 
     @property
@@ -216,7 +217,7 @@ class Members(ABC):
             return
         self.waiting = 0.0
         moved = sum(one.has_moved() for one in drives) > 0  # each of them has to note that
-        sd = np.sqrt(self.drift.take(self._of_sensors | moved, *mean_and_variance(self.members)))
+        sd = self.drift.take(self._of_sensors | moved, self.members)
         if sd.any():
             self.members = self.members + self._deviations(sd, self._known())
             self._bound()

@@ -125,10 +125,12 @@ class RigFilter(Ensemble):
         return Stepped(standing, predicted, ends)
 
     def _gains(self) -> Vector:
-        if "route.angle_gain" in self.keys:
-            return np.ascontiguousarray(self.members[:, self.keys.index("route.angle_gain")])
-        return np.full(len(self.members), self.rig.route.angle_gain)
+        if self._same_gains is not None:
+            return self._same_gains
+        return np.ascontiguousarray(self.members[:, self.keys.index("route.angle_gain")])
 
     def _draw_lines(self) -> None:
         self._bends = bends_of(setup_of(self.rig))
+        followed, gain = "route.angle_gain" in self.keys, self.rig.route.angle_gain
+        self._same_gains = None if followed else np.full(len(self.members), gain)
         self._lines = straight_lines(self.rig, self.numbers, self.about, self.cut, self.edge)

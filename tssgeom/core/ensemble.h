@@ -26,3 +26,25 @@ ENTRY void tss_compare_readings(
     double felt, double bent, OUT double reading[c], OUT double variance[c], OUT double off[c], OUT double greatest[c],
     OUT double farthest[q][c], OUT double lowest[q], OUT double by_drive[c], OUT double others_by_drive[e],
     WORK double moved[q][c]);
+
+/** Compare how fast d numbers may drift, once readings have shifted them; docs/model.md (253), (269).
+
+`numbers` [n, d] are those of the members, `span` the time whose drift each is to have now [s], `stated` the variances
+of a drift in a second, `share` [s] the rates, over that, and `first` their probabilities at the start; `changes` is the
+probability in a second that a rate becomes another [1/s]. Changed are the probability of each rate, value and variance
+of its filter, and of each number what it was after the last drift: value, variance, true variance over it, and the share
+for which the filter is made, which is at least `least_share` and at most `most_share`. Returns the standard deviation of
+the drift that members are to have. */
+ENTRY void tss_compare_drifts(
+    int64_t n, int64_t d, int64_t s, const double numbers[n][d], const double span[d], const double stated[d],
+    const double share[s], const double first[s], double changes, double least_share, double most_share,
+    INOUT double chance[d][s], INOUT double mean[d][s], INOUT double spread[d][s], INOUT double last[d][4],
+    OUT double sd[d]);
+
+/** Return variances [d] with a drift that waits [s], and true ones over them; docs/model.md (268).
+
+`stated`, `share`, `chance` and `last` are those of `compare_drifts`. */
+ENTRY void tss_true_variances(
+    int64_t d, int64_t s, const double variance[d], const double waiting[d], const double stated[d],
+    const double share[s], const double chance[d][s], const double last[d][4], OUT double whole[d],
+    OUT double ratio[d]);

@@ -43,3 +43,25 @@ def compare_readings(n, predicted, others, given, noise, drive, felt, bent):
         np.linalg.norm(drive[:, 1:2] * moved, axis=0),
         np.linalg.norm(drive[:, 1:2] * both, axis=0),
     )
+
+
+def compare_drifts(values, variances, span, stated, share, first, setting, chance, mean, spread, last):
+    """Do as `tss_compare_drifts` for members with these values and variances."""
+    changes, least, most = setting
+    before = last[:, 1]
+    used = variances < before
+    lost = np.where(used, before - variances, 1.0)
+    noise, reading = before * variances / lost, last[:, 0] + (values - last[:, 0]) * before / lost
+    expected, off = spread + noise[:, None], reading[:, None] - mean
+    log = -0.5 * (np.minimum(off**2 / expected, 36.0) + np.log(expected))
+    weights = chance * np.exp(log - log.max(axis=1, keepdims=True))
+    read = chance, mean, spread
+    gain = spread / expected
+    new = weights / weights.sum(axis=1, keepdims=True), mean + gain * off, spread * (1.0 - gain)
+    chance, mean, spread = (np.where(used[:, None], b, a) for a, b in zip(read, new, strict=True))
+    ratio = (chance * (spread + (mean - values[:, None]) ** 2)).sum(axis=1) / variances
+    chance = chance + np.minimum(changes * span, 1.0)[:, None] * (first - chance)
+    rate = np.clip(chance @ share, least, most)
+    added = rate * stated * span
+    last = np.column_stack((values, variances + added, ratio, rate))
+    return np.sqrt(added), chance, mean, spread + np.outer(stated * span, share), last
