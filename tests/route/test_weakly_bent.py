@@ -8,8 +8,9 @@ from tssgeom.route.arcs.moves import fit_chain, saved_by_slopes
 from tssgeom.route.geometry import chain_data, first_chain, measure, spline_fit
 from tssgeom.route.model_choice import (
     CHOICE,
+    chain_evidence,
     least_evidence,
-    penalised_log_evidence_difference,
+    preference,
     saved_by_variation,
 )
 from tssgeom.route.observations import clean
@@ -97,7 +98,7 @@ def test_a_chain_with_joints_needs_evidence_for_them():
     data = chain_data(shape, None, spline)
     best = fit_chain(data, fit_fixed_pieces(data, first_chain(data, spline_fit(spline))))
     assert len(best.bend) > 1
-    assert penalised_log_evidence_difference(data, best, spline) < 0.0
+    assert preference(data, best, spline, chain_evidence(data, best, spline)) < 0.0
     assert [least_evidence(k) for k in (1, 2, 3)] == [
         0.0,
         CHOICE.least_of_chain + 4.0,

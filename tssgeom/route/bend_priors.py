@@ -35,6 +35,8 @@ _THIRD = 1.0 / 27.0
 """Third harmonic of the route over the first one, where arcs alternate [1]: 1/3 in curvature, with a ninth of
 the displacement."""
 
+_SURE = 30.0  # a harmonic over its error, above which no other form has any probability
+
 
 class Prior(NamedTuple):
     """Independent components of the curvature."""
@@ -119,3 +121,27 @@ def form_of(
     visible = _THIRD * size * math.sqrt(0.5 * points) > CHANCE.clear * noise
     visible &= 3.0 * half_waves * math.sqrt(_apart(points)) <= points - 1.0
     return np.where(visible, 1.0, rng.choice(_FORMS, bend.shape[2]))
+
+
+def hidden_form(bend: Matrix, s: Vector, points: int, noise: float) -> float:
+    """Return the standard deviation of Φ of a smooth fit from the form of its bends [rad]; (258).
+
+    A smooth fit takes a sine for a bend of which many points show no more than the first harmonic.
+
+    Parameters
+    ----------
+    bend, s
+        Curvature along two axes that are carried without twist [n, 2] [1/m], and arc length [n] [m].
+    points, noise
+        Number of points along the route, and their noise [m].
+    """
+    main = bend @ np.linalg.eigh(bend.T @ bend)[1][:, -1]
+    begin = np.concatenate(([0], 1 + np.flatnonzero(np.diff(main < 0.0))))
+    cell = np.diff(s, prepend=s[0], append=s[-1])
+    cell = 0.5 * (cell[1:] + cell[:-1])
+    turn = np.abs(np.add.reduceat(main * cell, begin))
+    length = np.add.reduceat(cell, begin)
+    third = _THIRD * turn * length / (2.0 * math.pi)
+    error = max(noise, 1e-300) / np.sqrt(0.5 * points * length / float(s[-1] - s[0]))
+    excess = np.minimum(third / error, _SURE)
+    return float(np.std(_FORMS) * np.sum(turn / np.cosh(0.25 * excess**2)))

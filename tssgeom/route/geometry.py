@@ -8,7 +8,6 @@ from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
-from operator import itemgetter
 from typing import Literal
 
 import numpy as np
@@ -29,8 +28,9 @@ from tssgeom.route.model_average import averaged_over_models
 from tssgeom.route.model_choice import (
     CHOICE,
     chain_deviance,
+    chain_evidence,
     evidence_difference,
-    penalised_log_evidence_difference,
+    preference,
     search_variance,
 )
 from tssgeom.route.observations import Shape, are_few, order_warnings, outlier_warnings
@@ -184,12 +184,13 @@ def _measured(shape: Shape, noise: float | None, method: Method) -> RouteFit:
             raise FitError("no chain of arcs fits the points: take method auto, or check for outlying points")
         refuse_folded(spline.route)
         return averaged_over_models(smooth, smooth, [])
-    scored = [(penalised_log_evidence_difference(*one, spline), *one) for one in candidates]
-    difference, data, chain = max(scored, key=itemgetter(0))
+    scored = [(chain_evidence(*one, spline), *one) for one in candidates]
+    evidence, data, chain = max(scored, key=lambda one: one[0].priced)
     arcs = chain_fit(shape, *without_outliers(data, chain))
     if required:
         return arcs
-    likelier = replace(arcs if difference > 0.0 else smooth, spline=smooth.spline, turned=smooth.turned)
+    likelier = arcs if preference(data, chain, spline, evidence) > 0.0 else smooth
+    likelier = replace(likelier, spline=smooth.spline, turned=smooth.turned)
     return averaged_over_models(likelier, smooth, candidates)
 
 

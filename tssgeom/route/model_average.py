@@ -16,22 +16,23 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tssgeom import core
 from tssgeom.arrays import Vector
 from tssgeom.errors import FitError
 from tssgeom.route.arcs.chain import Chain, Data, fit_with_work, parameter_count, value_count
 from tssgeom.route.arcs.moves import work_of_promises
 from tssgeom.route.arcs.summary import chain_follows, chain_pieces, identifiable_in_steps
+from tssgeom.route.bend_priors import hidden_form
 from tssgeom.route.model_choice import (
     CHOICE,
     added_variance,
-    evidence_difference,
+    chain_evidence,
     evidence_scale,
-    log_evidence_difference,
     log_sum,
     model_probabilities,
-    saved_by_variation,
     search_variance,
 )
+from tssgeom.route.observations import are_few
 from tssgeom.route.pieces import Arcs
 from tssgeom.route.resolution import SharedErrors
 from tssgeom.route.route_fit import RouteFit, Turned
@@ -73,15 +74,15 @@ class ChainModel(NamedTuple):
 
 def chain_model(data: Data, chain: Chain, spline: Spline) -> ChainModel:
     """Angle, length and evidence of a fitted chain beside a spline of the same points."""
-    varying = saved_by_variation(data, chain, spline)
+    evidence = chain_evidence(data, chain, spline)
     angle, angle_variance, length, length_variance = _moments(chain_pieces(data, chain).arcs)
     return ChainModel(
         angle=angle,
         angle_variance=(1.0 + search_variance(data, chain)) * angle_variance,
         length=length,
         length_variance=length_variance,
-        difference=evidence_difference(data, chain, spline) - varying,
-        priced=log_evidence_difference(data, chain, spline) - varying,
+        difference=evidence.difference,
+        priced=evidence.priced,
         parameters=len(chain.matrix),
         proven=value_count(data) >= CHOICE.whole_values_per_parameter * len(chain.matrix),
     )
@@ -165,7 +166,7 @@ def added_in_steps(
             yield work_of_promises(data, chain)  # it takes about as long
     models = [one for one in models if math.isfinite(sum(one[:5]))]  # a singular one leaves the others
     probability = probabilities(models)
-    smooth_moments = _moments(smooth.arcs)
+    smooth_moments = _smooth_moments(smooth, smooth.spline)
     every = [smooth_moments, *(one[:4] for one in models[: len(probability) - 1])]
     if smooth.turned:
         probability = with_turned(probability, smooth.turned)
@@ -182,6 +183,17 @@ def added_in_steps(
 def _moments(arcs: Arcs) -> tuple[float, float, float, float]:
     """Φ [rad] and the length [m], each followed by its variance."""
     return arcs.total_angle, arcs.total_angle_se**2, arcs.total_length, arcs.total_length_se**2
+
+
+def _smooth_moments(smooth: RouteFit, spline: Spline) -> tuple[float, float, float, float]:
+    """Do as `_moments` of a smooth fit, with what its bends may turn whose form many points hide; (258)."""
+    angle, variance, length, length_variance = _moments(smooth.arcs)
+    alone = spline.shared_angle_error == 0.0 and spline.tangent_share == 0.0
+    if alone and not are_few(smooth.weight):
+        route, points = spline.route, int(np.count_nonzero(smooth.weight))
+        bend = core.parallel_components(route.tangent, route.curvature_vector)
+        variance += hidden_form(bend, route.s, points, smooth.noise) ** 2
+    return angle, variance, length, length_variance
 
 
 def probabilities(models: Sequence[ChainModel]) -> Vector:

@@ -36,8 +36,9 @@ from tssgeom.route.geometry import (
 from tssgeom.route.model_average import added_in_steps
 from tssgeom.route.model_choice import (
     CHOICE,
+    chain_evidence,
     evidence_difference,
-    penalised_log_evidence_difference,
+    preference,
 )
 from tssgeom.route.observations import Shape
 from tssgeom.route.resolution import SharedErrors
@@ -152,7 +153,6 @@ class TrackedFit:
         return replace(self, run=CheckRun(_steps(check, self), work), frames=0, due=True)
 
 
-_NO_VARIANCES = (0.0, 0.0)
 Outcome: TypeAlias = Callable[[TrackedFit], TrackedFit]
 """What a check changes of what is tracked when it ends, some frames after it began."""
 Steps: TypeAlias = Generator[float, None, Outcome]
@@ -242,7 +242,7 @@ def _spline_tried(check: ModelCheck, data: Data, chain: Chain, begun: TrackedFit
     if before is not None and begun.age == begun.interval:
         return partial(replace, candidate=spline)
     yield work_of_promises(data, chain)
-    difference = penalised_log_evidence_difference(data, chain, spline)
+    difference = preference(data, chain, spline, chain_evidence(data, chain, spline))
     smooth = replace(spline_fit(spline), turned=begun.fit.turned)
     arcs = chain_fit(check.shape, data, chain)
     taken = difference < -EVIDENCE_SCALE.very_strong
@@ -290,12 +290,13 @@ def _chain_tried(check: ModelCheck, begun: TrackedFit) -> Steps:
     difference = evidence_difference(data, moved, spline)
     converged = len(moved.bend) == len(candidate.bend)
     if difference < CHOICE.hopeless and (converged or begun.trials >= SCHEDULE.interval):
-        return partial(_not_taken_over, difference, None, _NO_VARIANCES)
+        added = yield from added_in_steps(smooth, smooth, [])
+        return partial(_not_taken_over, difference, None, added)
     if not converged:
         return partial(replace, candidate=moved, trials=begun.trials + 1)
     yield work_of_promises(data, moved)
     arcs = replace(chain_fit(check.shape, data, moved), turned=begun.fit.turned)
-    difference = penalised_log_evidence_difference(data, moved, spline)
+    difference = preference(data, moved, spline, chain_evidence(data, moved, spline))
     taken = difference > EVIDENCE_SCALE.very_strong
     yield work_of_promises(data, moved)
     added = yield from added_in_steps(arcs if taken else smooth, smooth, [(data, moved)])

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from tssgeom.core.constants_route import RAW
 from tssgeom.route.arcs.chain import Chain, Data, noise_variance, squared_distances, tangent_count
 from tssgeom.route.arcs.moves import saved_by_slopes
 from tssgeom.route.arcs.outliers import squared_tangent_residuals
+from tssgeom.route.observations import are_few
 from tssgeom.route.route import across
 from tssgeom.route.spline.fit import Spline
 
@@ -125,9 +127,58 @@ def evidence_difference(data: Data, chain: Chain, spline: Spline) -> float:
     return spline.deviance - chain_deviance(data, chain)
 
 
-def penalised_log_evidence_difference(data: Data, chain: Chain, spline: Spline) -> float:
-    """Evidence of the chain over the spline, its joints and variation in its pieces paid for [2 ln]; (34)."""
-    return log_evidence_difference(data, chain, spline) - saved_by_variation(data, chain, spline)
+class ChainEvidence(NamedTuple):
+    """Evidence of a chain over a spline of the same points [2 ln]."""
+
+    difference: float
+    """Without the price of its joints; docs/model.md (217)."""
+    priced: float
+    """With it; docs/model.md (34)."""
+
+
+def chain_evidence(data: Data, chain: Chain, spline: Spline) -> ChainEvidence:
+    """Evidence of a chain over a spline, what the spline saves within its pieces paid for."""
+    varying = saved_by_variation(data, chain, spline)
+    difference, priced = (
+        of(data, chain, spline) - varying for of in (evidence_difference, log_evidence_difference)
+    )
+    return ChainEvidence(difference, priced)
+
+
+def preference(data: Data, chain: Chain, spline: Spline, evidence: ChainEvidence) -> float:
+    """Evidence by which a chain is selected, where it is positive, or a spline [2 ln]; docs/model.md (259).
+
+    The price of joints keeps a chain from being selected for its evidence alone. It is not asked where
+    Akaike's criterion, by which staircases on smooth routes lose, is for the chain as well.
+    """
+    if evidence.priced > 0.0:
+        return evidence.priced
+    akaike = _akaike_difference(data, chain, spline) - math.log(_values(data))
+    return max(evidence.priced, min(evidence.difference, akaike))
+
+
+def _akaike_difference(data: Data, chain: Chain, spline: Spline) -> float:
+    """Akaike's criterion of the spline less that of a chain of many points, by those that both use; (259)."""
+    variance = spline.route.noise**2
+    if are_few(data.points) or data.shortest < 1.0 or data.tangents is not None or variance <= 0.0:
+        return -math.inf
+    weight = np.minimum(data.weight, spline.route.weight)
+    of_spline = float(weight @ _squared_across(spline))
+    of_chain = float(weight @ squared_distances(data, chain, across=True))
+    parameters, of_freedom = float(_parameters(data, chain)), 2.0 * spline.freedom
+    if data.variance > 0.0:
+        return (of_spline - of_chain) / variance - 2.0 * (parameters - of_freedom)
+    values = float(_values(data))
+    if min(of_chain, of_spline) <= 0.0 or values - max(parameters, of_freedom) <= 1.0:
+        return -math.inf
+    price = [2.0 * one * values / (values - one - 1.0) for one in (parameters, of_freedom)]
+    return values * math.log(of_spline / of_chain) - price[0] + price[1]
+
+
+def _squared_across(spline: Spline) -> Vector:
+    """Squared distances of points from a spline, across it [n] [m²]."""
+    off = across(spline.route.residual, rows_at(spline.route.station, spline.route.s, spline.route.tangent))
+    return np.einsum("ij,ij->i", off, off)
 
 
 def saved_by_variation(data: Data, chain: Chain, spline: Spline) -> float:
@@ -144,8 +195,7 @@ def saved_by_variation(data: Data, chain: Chain, spline: Spline) -> float:
     if data.variance == 0.0:
         left = _values(data) - 2.0 * spline.freedom
         return max(by_slopes, left * math.log(max(noise_variance(data, chain) / variance, 1.0)))
-    off = across(spline.route.residual, rows_at(spline.route.station, spline.route.s, spline.route.tangent))
-    square = squared_distances(data, chain, across=True) - np.einsum("ij,ij->i", off, off)
+    square = squared_distances(data, chain, across=True) - _squared_across(spline)
     by_chance = 2.0 * spline.freedom - _parameters(data, chain)
     return max(by_slopes, float(data.weight @ square) / variance - by_chance)
 
