@@ -16,9 +16,10 @@ from typing import Any
 import numpy as np
 
 from tssgeom.errors import ShapeError, SourceError, first_line
+from tssgeom.io.formats.laboratory.assembled import table_of
 from tssgeom.io.formats.laboratory.matlab import matlab_variables
 from tssgeom.io.formats.laboratory.raw import Column, RawTable
-from tssgeom.io.formats.laboratory.rows import Row, column_of, decimal_of, is_data, table_of
+from tssgeom.io.formats.laboratory.rows import Row, column_of, decimal_of, is_data
 from tssgeom.io.formats.laboratory.text import read_text
 from tssgeom.io.formats.paths import bytes_of, ending, require_room, require_room_in_zip
 from tssgeom.io.formats.tables import parquet_columns, parquet_file
@@ -62,7 +63,7 @@ def _sheets(path: Path) -> list[RawTable]:
     require_room(path, _cells_in(content) * np.dtype(np.float64).itemsize)
     with CalamineWorkbook.from_filelike(BytesIO(content)) as book:
         sheets = {name: book.get_sheet_by_name(name).to_python() for name in book.sheet_names}
-    tables = [_sheet(name, rows) for name, rows in sheets.items()]
+    tables = [_sheet(path, name, rows) for name, rows in sheets.items()]
     return [table for table in tables if table is not None]
 
 
@@ -82,7 +83,7 @@ def _column_number(letters: bytes) -> int:
     return reduce(lambda number, letter: 26 * number + letter - ord("A") + 1, letters, 0)
 
 
-def _sheet(title: str, values: list[list[Any]]) -> RawTable | None:
+def _sheet(path: Path, title: str, values: list[list[Any]]) -> RawTable | None:
     rows = [Row(number, [_cell(value) for value in row]) for number, row in enumerate(values, 1)]
     rows = [row for row in rows if any(row.cells)]
     filled = [k for k in range(len(values[0]) if values else 0) if any(row.cells[k] for row in rows)]
@@ -93,7 +94,7 @@ def _sheet(title: str, values: list[list[Any]]) -> RawTable | None:
     count = max(widths)
     rows = [row._replace(cells=row.cells[:count]) for row in rows]
     decimal = decimal_of([row.cells for row in rows if is_data(row.cells)])
-    return table_of(rows, count, decimal, "row", (), title)
+    return table_of(path, rows, count, decimal, "row", (), title)
 
 
 def _width(cells: list[str]) -> int:

@@ -44,6 +44,8 @@ class RawTable:
     """Name of the sheet, where the file has several."""
     headed: bool = True
     """False where the columns are named by their numbers."""
+    header_rows: int = 1
+    """Number of rows that may name the columns."""
 
     def __len__(self) -> int:
         return len(self.columns[0]) if self.columns else 0

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -13,6 +12,7 @@ from tssgeom.arrays import Vector
 from tssgeom.errors import ShapeError
 from tssgeom.io.formats.columns import AXES, BENDS, POINT
 from tssgeom.io.formats.laboratory.channels import Column, Resolved, take, take_channels, take_time, values_of
+from tssgeom.io.formats.laboratory.headers import repeated
 from tssgeom.io.formats.laboratory.mapping import IGNORE, Mapped, same_name
 from tssgeom.io.formats.laboratory.names import (
     EXACT,
@@ -53,11 +53,20 @@ def resolved(path: Path, table: RawTable, said: Mapping[str, Mapped], given_unit
             _take_exact(path, table, k, meaning, result)
         elif meaning is not None:
             rest.append(Column(k, name, meaning))
-    twice = [name for name, count in Counter(column.name for column in rest).items() if count > 1]
-    if twice:
-        raise ShapeError(f"{path}: column {twice[0]!r} is there twice: name them differently")
+    if twice := repeated([column.name for column in rest]):
+        raise _twice(path, table, twice, "name them differently")
     _take_rest(table, rest, result)
     return result
+
+
+def _twice(path: Path, table: RawTable, name: str, hint: str) -> ShapeError:
+    """Return the error of a name that is there twice; with what to do about it."""
+    if table.header_rows < 2:
+        return ShapeError(f"{path}: column {name!r} is there twice: {hint}")
+    return ShapeError(
+        f"{path}: {table.header_rows} header rows, and {name!r} is there twice: write one row of names, "
+        "of points side by side such as S1_x_mm,S1_y_mm,S1_z_mm,S2_x_mm"
+    )
 
 
 def _require_one_mark(path: Path, table: RawTable, k: int) -> None:
@@ -100,7 +109,7 @@ def _states_unit(name: str) -> bool:
 def _take_exact(path: Path, table: RawTable, k: int, meaning: Meaning | None, result: Resolved) -> None:
     name, values = table.names[k], values_of(table, k)
     if name in result.values:
-        raise ShapeError(f"{path}: column {name!r} is there twice: keep one")
+        raise _twice(path, table, name, "keep one")
     stated = unit_of(table.units[k]) if table.units else None
     own = unit_of(name.rpartition("_")[2]) if meaning is not None else None
     if stated is not None and own is not None and stated.factor != own.factor:

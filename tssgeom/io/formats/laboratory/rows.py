@@ -1,4 +1,4 @@
-"""Rows of cells to a table: its header, its unit row, and columns of numbers or of words."""
+"""Rows of cells: which hold data, with which decimal mark, and columns of numbers or of words."""
 
 from __future__ import annotations
 
@@ -6,13 +6,9 @@ import re
 from collections.abc import Sequence
 from typing import NamedTuple
 
-import numpy as np
-
-from tssgeom.io.formats.laboratory.raw import MISSING, Column, RawTable, is_moment, moments_of, numbers_of
-from tssgeom.io.formats.laboratory.units import unit_of
+from tssgeom.io.formats.laboratory.raw import MISSING, Column, is_moment, moments_of, numbers_of
 
 _NUMBER = re.compile(r"[-+]?(\d[\d.]*(,\d*)?|[.,]\d+|\d+(,\d{3})*\.\d*)([eE][-+]?\d+)?")
-_UNITLESS = frozenset(("", "-", "1", "--", "none"))
 
 
 class RowLimits(NamedTuple):
@@ -55,69 +51,6 @@ def decimal_of(data: Sequence[Sequence[str]]) -> str:
     last = sum(cell.rfind(",") > cell.rfind(".") > -1 for cell in cells)
     grouped = sum(cell.rfind(".") > cell.rfind(",") > -1 for cell in cells)  # by commas: 1,234.5
     return "," if commas and not grouped and (commas > points or last) else "."
-
-
-def table_of(
-    rows: Sequence[Row], count: int, decimal: str, number_name: str, notes: Sequence[str], title: str = ""
-) -> RawTable:
-    """Return the table in some rows, of which one at least is data of `count` cells."""
-    names, units, first = header_of(rows, count)
-    before = [row for row in rows[:first] if row.cells not in (names, units) and not row.comment]
-    every = [*notes, *([f"{len(before)} lines before the table are not read"] if before else [])]
-    kept, number, faults, repeated = list[list[str]](), list[int](), dict[int, str](), 0
-    for row in rows[first:]:
-        cells = row.cells
-        if row.comment and not (len(cells) == count and is_data(cells)):
-            continue
-        if cells == names:
-            repeated += 1
-            continue
-        if len(cells) != count:
-            faults[len(kept)] = (
-                f"{number_name} {row.number}: {len(cells)} columns, the header has {count}: mend the line"
-            )
-            cells = (cells + [""] * count)[:count]
-        kept.append(cells)
-        number.append(row.number)
-    if repeated:
-        every.append(f"{repeated} repeated headers are not read")
-    columns = list[Column]()
-    named = names or [str(k + 1) for k in range(count)]
-    for k, name in enumerate(named):
-        column, wrong = column_of([cells[k] for cells in kept], decimal)
-        for row in wrong:
-            where = f"{number_name} {number[row]}"
-            faults.setdefault(row, f"{where}: {name} is {kept[row][k]!r}: write a number or leave it empty")
-        columns.append(column)
-    numbers = np.array(number, np.int64)
-    return RawTable(
-        *(tuple(named), tuple(columns), tuple(units), numbers, number_name, faults, tuple(every), title),
-        headed=bool(names),
-    )
-
-
-def header_of(rows: Sequence[Row], count: int) -> tuple[list[str], list[str], int]:
-    """Return names, units of a unit row, and the index of the first row of data."""
-    first = next(
-        (
-            k
-            for k, row in enumerate(rows)
-            if len(row.cells) == count and not row.comment and is_data(row.cells)
-        ),
-        len(rows),
-    )
-    above = [row.cells for row in rows[:first] if len(row.cells) == count and any(row.cells)]
-    if not above:
-        return [], [], first
-    if len(above) > 1 and _is_unit_row(above[-1]) and not _is_unit_row(above[-2]):
-        return above[-2], above[-1], first
-    return above[-1], [], first
-
-
-def _is_unit_row(cells: Sequence[str]) -> bool:
-    """Whether each cell is a unit, or a mark that there is none."""
-    units = [cell for cell in cells if cell.strip("[](){} ").lower() not in _UNITLESS]
-    return bool(units) and all(unit_of(cell) for cell in units)
 
 
 def column_of(cells: list[str], decimal: str = ".") -> tuple[Column, list[int]]:

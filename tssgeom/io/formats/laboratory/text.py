@@ -16,8 +16,11 @@ import numpy as np
 
 from tssgeom.errors import ShapeError, SourceError
 from tssgeom.io.formats.laboratory import rows
+from tssgeom.io.formats.laboratory.assembled import finished, table_of
+from tssgeom.io.formats.laboratory.headers import header_of
 from tssgeom.io.formats.laboratory.raw import MISSING, Column, RawTable
-from tssgeom.io.formats.laboratory.rows import Row, decimal_of, header_of, is_data, is_number, table_of
+from tssgeom.io.formats.laboratory.rows import Row, decimal_of, is_data, is_number
+from tssgeom.io.formats.laboratory.trackers import exported_lines
 from tssgeom.io.formats.paths import require_lines, require_room, room
 
 _COMMENTS = ("#", "%", "//", "!", "*")
@@ -63,20 +66,23 @@ def read_text(path: Path, raw: bytes) -> RawTable:
     lines = [(number, line) for number, line in enumerate(re.split(r"\r\n|\r|\n", text), 1) if line.strip()]
     if not lines:
         raise ShapeError(f"{path}: line 1 is empty: {EXPECTED}")
-    form = _form(path, lines)
+    lines, head = exported_lines(lines)
+    form = _form(path, lines[head:])
     if form.separator != ",":
         notes.append(f"separated by {_SEPARATORS[form.separator]}")
     if form.decimal == ",":
         notes.append("decimal comma")
     if len(text) > LIMITS.fast:
-        head = [_row(number, line, form) for number, line in lines[: rows.LIMITS.sample]]
-        names, units, first = header_of(head, form.count)
-        columns = _fast([line for _, line in lines[first:]], form) if names else None
+        head_rows = [_row(number, line, form) for number, line in lines[: rows.LIMITS.sample]]
+        header = header_of(path, head_rows, form.count)
+        below = lines[header.first :]
+        columns = _fast([line for _, line in below], form) if header.names else None
         if columns is not None:
-            number = np.array([number for number, _ in lines[first:]], np.int64)
-            return RawTable(tuple(names), columns, tuple(units), number, "line", notes=tuple(notes))
+            number = np.array([number for number, _ in below], np.int64)
+            names, units = tuple(header.names), tuple(header.units)
+            return finished(RawTable(names, columns, units, number, "line", notes=tuple(notes)), header)
     every = [_row(number, line, form) for number, line in lines]
-    return table_of(every, form.count, form.decimal, "line", notes)
+    return table_of(path, every, form.count, form.decimal, "line", notes)
 
 
 def decoded(path: Path, raw: bytes) -> tuple[str, list[str]]:

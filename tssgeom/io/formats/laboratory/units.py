@@ -50,7 +50,7 @@ _SPELLED: dict[str, dict[str, float]] = {
     LENGTH: {
         "m metre meter metres meters": 1.0,
         "dm": 1e-1,
-        "cm": 1e-2,
+        "cm centimetre centimeter centimetres centimeters": 1e-2,
         "mm millimetre millimeter millimetres millimeters": 1e-3,
         "um micron microns micrometre micrometer": 1e-6,
         "nm": 1e-9,

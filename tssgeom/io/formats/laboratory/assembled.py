@@ -1,0 +1,73 @@
+"""Rows of cells to a table: its header, and below it columns of numbers or of words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from tssgeom.io.formats.laboratory.headers import Header, header_of
+from tssgeom.io.formats.laboratory.raw import Column, RawTable
+from tssgeom.io.formats.laboratory.rows import Row, column_of, is_data
+from tssgeom.io.formats.laboratory.trackers import only_read
+
+
+def table_of(
+    path: Path,
+    rows: Sequence[Row],
+    count: int,
+    decimal: str,
+    number_name: str,
+    notes: Sequence[str],
+    title: str = "",
+) -> RawTable:
+    """Return the table in some rows, of which one at least is data of `count` cells.
+
+    Raises
+    ------
+    ShapeError
+        Where the program of a tracker wrote the file and no points are in it.
+    """
+    header = header_of(path, rows, count)
+    names = header.names
+    before = [row for k, row in enumerate(rows[: header.first]) if k not in header.rows and not row.comment]
+    every = [*notes, *([f"{len(before)} lines before the table are not read"] if before else [])]
+    kept, number, faults, repeated = list[list[str]](), list[int](), dict[int, str](), 0
+    for row in rows[header.first :]:
+        cells = row.cells
+        if row.comment and not (len(cells) == count and is_data(cells)):
+            continue
+        if cells == names:
+            repeated += 1
+            continue
+        if len(cells) != count:
+            faults[len(kept)] = (
+                f"{number_name} {row.number}: {len(cells)} columns, the header has {count}: mend the line"
+            )
+            cells = (cells + [""] * count)[:count]
+        kept.append(cells)
+        number.append(row.number)
+    if repeated:
+        every.append(f"{repeated} repeated headers are not read")
+    columns = list[Column]()
+    named = names or [str(k + 1) for k in range(count)]
+    for k, name in enumerate(named):
+        column, wrong = column_of([cells[k] for cells in kept], decimal)
+        for row in wrong:
+            where = f"{number_name} {number[row]}"
+            faults.setdefault(row, f"{where}: {name} is {kept[row][k]!r}: write a number or leave it empty")
+        columns.append(column)
+    table = RawTable(
+        *(tuple(named), tuple(columns), tuple(header.units), np.array(number, np.int64), number_name, faults),
+        *(tuple(every), title),
+        headed=bool(names),
+    )
+    return finished(table, header)
+
+
+def finished(table: RawTable, header: Header) -> RawTable:
+    """Return a table with what its header says beyond names and units."""
+    table = replace(table, notes=(*table.notes, *header.notes), header_rows=header.naming)
+    return table if header.export is None else only_read(table, header.export)
