@@ -67,7 +67,7 @@ def analyse(
     quiet: Quiet = False,
 ) -> None:
     """Report length, angle, pieces, distal tension and elongation of each shape."""
-    from pipelines.inputs import Refusal, each_analysis, inputs_of, report_unused, run_settings
+    from pipelines.inputs import Refusal, each_analysis, inputs_of, run_settings
     from pipelines.left_out import print_left_out
     from tssgeom.errors import SettingsError
     from tssgeom.io.results.exports import missing_libraries, selected_endings
@@ -92,7 +92,6 @@ def analyse(
     inputs = list(inputs_of(shapes, besides, settings.columns))
     print_left_out(shapes, besides)
     tally = each_analysis(inputs, settings, results.add, quiet=quiet or as_json)
-    report_unused(settings.columns)
     if same and (refusal := results.add_common()) is not None:
         tally.refuse(refusal)
     for ending, reason in missing.items():

@@ -35,14 +35,14 @@ def check(
     from pipelines.contents import checked, files_and_campaigns
     from pipelines.inputs import Refusal, attempt
     from pipelines.left_out import print_left_out
+    from pipelines.maps import column_map
     from tssgeom.io.formats.campaigns import is_campaign
-    from tssgeom.io.formats.laboratory.mapping import ColumnMap
 
     if suggest:
         from pipelines.suggest import suggested
 
         raise typer.Exit(suggested(files, columns or (), unit))
-    said = ColumnMap(columns or ())
+    said = column_map(columns)
     reports = list[dict[str, Any]]()
     for item in files_and_campaigns(files, said):
         report = item if isinstance(item, Refusal) else attempt(item, partial(checked, item, unit, said))

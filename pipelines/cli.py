@@ -118,6 +118,11 @@ def _status(arguments: Sequence[str] | None) -> int:
         return _failed(f"{error.format_message().rstrip('.')}: see tssgeom --help", 2) if str(error) else 2
     except Exception as error:
         return _expected(error)
+    finally:
+        if "pipelines.maps" in sys.modules:  # a command that takes no --map need not load it
+            from pipelines.maps import report_unused
+
+            report_unused()
 
 
 def _expected(error: Exception) -> int:

@@ -73,8 +73,8 @@ def discover(
 
     With --propose it designs what to measure next; --with adds what was measured, until the verdict stands.
     """
+    from pipelines.maps import column_map
     from tssgeom.errors import SettingsError
-    from tssgeom.io.formats.laboratory.mapping import ColumnMap
     from tssgeom.io.results.findings import report_object
 
     choose(style)
@@ -88,7 +88,7 @@ def discover(
             report_step(step, _READ + share * (_IDENTIFIED - _READ))
 
         report_step("reading the campaign", 0.0)
-        said, seeded = ColumnMap(columns or ()), (seed, more or (), design)
+        said, seeded = column_map(columns), (seed, more or (), design)
         finding = _identified(campaign, out, unit, said, seeded, identifying)
         report_step("writing the report", _IDENTIFIED)
         files = _write(out, finding)

@@ -12,6 +12,7 @@ from typing import TypeVar
 from msgspec.structs import replace as changed
 
 from pipelines.first_pulls import first_pulls
+from pipelines.maps import column_map
 from pipelines.options import TENSION_IN
 from pipelines.terminal import print_message, sized_progress
 from tssgeom.engine import recorded
@@ -111,7 +112,7 @@ def run_settings(
         print_message(f"{rig}: warning: {each.text}")
     if tube_mm is not None and not 0 < tube_mm < math.inf:
         raise SettingsError(f"--tube-mm is {tube_mm:g} mm: give the outer diameter of the tube, > 0 mm")
-    radius, said = 0.5e-3 * (tube_mm or 0.0), ColumnMap(columns or (), rig_read.columns)
+    radius, said = 0.5e-3 * (tube_mm or 0.0), column_map(columns, rig_read.columns)
     options = (tension_in, unit, lumen, geometry_only, radius, said, uncertain, at, given)
     return RunSettings(rig_read, rig, *options)
 
@@ -134,12 +135,6 @@ def print_reading(path: Path, notes: Sequence[str], columns: ColumnMap) -> None:
     if notes and (text := "; ".join(notes)) not in columns.reported:
         columns.reported.add(text)
         print_message(f"{path}: {text}")
-
-
-def report_unused(columns: ColumnMap) -> None:
-    """Print the names of `--map` that no file had."""
-    for name in sorted(columns.unused):
-        print_message(f"warning: --map {name!r}: no file has a column of this name")
 
 
 def with_unknown_angle(settings: RunSettings, *, sensed: bool) -> RunSettings:

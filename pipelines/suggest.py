@@ -10,6 +10,7 @@ import tomli_w
 import typer
 
 from pipelines.inputs import Refusal, attempt
+from pipelines.maps import column_map
 from pipelines.terminal import print_line, print_message
 from tssgeom.atomic import write_text
 from tssgeom.io.formats.laboratory.files import ENDINGS
@@ -28,7 +29,7 @@ def suggested(paths: Sequence[Path], options: Sequence[str], unit: str | None) -
     """
     files = [path for given in paths for path in (sorted(given.iterdir()) if given.is_dir() else [given])]
     files = [split(path)[0] for path in files if ending(path) in ENDINGS]
-    columns = ColumnMap(options)
+    columns = column_map(options)
     folders, refused = dict[Path, dict[str, str]](), 0
     for file in dict.fromkeys(files):
         outcome = attempt(file, lambda file=file: _columns_of(file, columns, unit))
@@ -45,7 +46,8 @@ def suggested(paths: Sequence[Path], options: Sequence[str], unit: str | None) -
 def _columns_of(file: Path, columns: ColumnMap, unit: str | None) -> dict[str, str]:
     """Return what the columns of a file are, and print what its header leaves open."""
     tables = tables_of(file, columns, unit)
-    for _, result in tables:
+    for table, result in tables:
+        columns.use(table.names)
         for sentence in result.unclear:
             print_message(f"{file}: {sentence}; the suggestion is by name and range: check it")
     return {name: meant for _, result in tables for name, meant in result.suggested.items()}

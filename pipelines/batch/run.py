@@ -246,6 +246,7 @@ class Batch:
         self.tally.done += 1
         self.tally.frames_refused += done.input.rejected
         print_reading(Path(task.given), done.reading, task.settings.columns)
+        task.settings.columns.unused.intersection_update(done.unused)
         for line in done.lines:
             print_message(line)
         for failure in done.failures:

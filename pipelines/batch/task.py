@@ -167,7 +167,8 @@ def _columns_beside(task: Task) -> str | None:
 def _done(task: Task, path: Path, digest: str, key: str, share: Share | None) -> Done:
     name, out = task.name, task.out
     tables, texts = _tables(task)
-    recording = open_recording(path, task.settings.unit, task.settings.columns)
+    columns = task.settings.columns.anew()
+    recording = open_recording(path, task.settings.unit, columns)
     running = RunningSummary.of(recording.frame_count)
     with out.replacing(tables[0]) as frames, out.replacing(tables[1]) as segments:
         upcoming = _parts(task, recording, running.stride, share)
@@ -198,6 +199,7 @@ def _done(task: Task, path: Path, digest: str, key: str, share: Share | None) ->
         row=row,
         printed=report,
         lines=lines,
+        unused=sorted(columns.unused),
         reading=recording.notes,
         failures=failures,
         report=entry,

@@ -266,3 +266,10 @@ def test_counts_of_an_encoder_are_refused_with_the_option_for_an_angle(tmp_path)
         ShapeError, match=r"of counts with what one is, --map \"Encoder \[counts\]=motor_angle:0.001rad\""
     ):
         read_run(path)
+
+
+def test_the_unit_in_the_name_of_a_channel_is_that_of_a_column_without_one(tmp_path):
+    path = tmp_path / "points.csv"
+    path.write_text("a,b [cm],c\n" + "".join(f"{10 * k},0.2,{k}\n" for k in range(5)))
+    (frame,) = open_recording(path, None, ColumnMap(["a=x_mm", "b [cm]=y_mm", "c=z_mm"])).frames
+    np.testing.assert_allclose(frame.points[2], [0.02, 0.002, 0.002])

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tssgeom.errors import ShapeError
+from tssgeom.errors import SettingsError, ShapeError
 from tssgeom.io.formats.files import Recording, open_recording
+from tssgeom.io.formats.laboratory.mapping import ColumnMap
 from tssgeom.stream import Frame, Rejected
 
 CORPUS = Path(__file__).parent / "corpus"
@@ -157,3 +158,71 @@ def test_a_header_without_rows_is_refused(tmp_path):
     (tmp_path / "tools.csv").write_text("Q0,Qx,Qy,Qz,Tx,Ty,Tz\n")
     with pytest.raises(ShapeError, match="no row of tools"):
         open_recording(tmp_path / "tools.csv")
+
+
+@pytest.mark.parametrize(
+    ("ending", "separator", "decimal"), [("tsv", "\t", "."), ("csv", ";", ","), ("txt", "\t", ",")]
+)
+def test_tabs_semicolons_and_decimal_commas_change_nothing(ending, separator, decimal, tmp_path):
+    cells = [line.split(",") for line in TOOLBOX.read_text().splitlines()]
+    head, *rows = cells
+    lines = [separator.join(head), *(separator.join(row).replace(".", decimal) for row in rows)]
+    (tmp_path / f"tools.{ending}").write_text("\n".join(lines) + "\n")
+    here, there = open_recording(tmp_path / f"tools.{ending}"), open_recording(TOOLBOX)
+    assert (here.kind, here.unit, here.warnings) == ("ndi", "mm", ())
+    for one, other in zip(frames(here), frames(there), strict=True):
+        np.testing.assert_array_equal(one.points, other.points)
+        np.testing.assert_array_equal(one.directions, other.directions)
+        assert one.time == other.time
+
+
+def row_a_tool(names: tuple[str, ...], missing: str) -> str:
+    """Three frames of five tools, of which the third one is not tracked in the second frame."""
+    lines = [",".join(names)]
+    for f in range(3):
+        for k in range(5):
+            pose = f"1,0,0,0,{20 * k + f},{0.5 * k * k},-100" if (f, k) != (1, 2) else missing
+            lines.append(f"{1772441122.125 + 0.025 * f:.4f},{100 + f},{k + 10},{pose}")
+    return "\n".join(lines) + "\n"
+
+
+@pytest.mark.parametrize("ending", ["csv", "tsv", "txt"])
+@pytest.mark.parametrize("missing", [",,,,,,", "1,0,0,0,-3.697314e28,-3.697314e28,-3.697314e28"])
+def test_a_row_for_each_tool_makes_frames_by_time_and_points_by_tool(ending, missing, tmp_path):
+    names = ("timestamp", "frame_number", "port_handle", "q0", "qx", "qy", "qz", "tx", "ty", "tz")
+    text = row_a_tool(names, missing)
+    path = tmp_path / f"tools.{ending}"
+    path.write_text(text if ending == "csv" else text.replace(",", "\t"))
+    recording = open_recording(path)
+    outcome = frames(recording)
+    k = np.arange(5.0)
+    wanted = np.column_stack([20 * k, 0.5 * k**2, np.full(5, -100.0)]) / 1000
+    np.testing.assert_allclose(outcome[0].points, wanted, rtol=1e-12)
+    assert np.isnan(outcome[1].points).all(axis=1).tolist() == [False, False, True, False, False]
+    np.testing.assert_allclose(np.diff([frame.time for frame in outcome]), 0.025, atol=1e-6)
+    assert {"1 tools not tracked", "markers in the order of port_handle"} <= set(recording.notes)
+
+
+def test_a_state_of_a_tool_in_a_row_of_its_own_makes_a_missing_point(tmp_path):
+    names = ("time_s", "frame", "tool", "state", "Q0", "Qx", "Qy", "Qz", "Tx", "Ty", "Tz")
+    lines = row_a_tool(names, "1,0,0,0,0,0,0").splitlines()
+    rows = [line.split(",") for line in lines[1:]]
+    rows = [[*row[:3], "Missing" if row[-1] == "0" else "OK", *row[3:]] for row in rows]
+    (tmp_path / "tools.csv").write_text("\n".join([lines[0], *map(",".join, rows)]) + "\n")
+    outcome = frames(open_recording(tmp_path / "tools.csv"))
+    assert np.isnan(outcome[1].points).all(axis=1).tolist() == [False, False, True, False, False]
+    assert not np.isnan(outcome[0].points).any()
+
+
+def test_a_map_of_a_column_of_tools_is_refused_and_not_left_out():
+    with pytest.raises(SettingsError, match=r"--map 'Tx': .* is a table of tracked tools, read by NDI's own"):
+        open_recording(TOOLBOX, None, ColumnMap(["Tx=x_mm"]))
+
+
+def test_a_map_of_a_column_in_a_row_of_its_own_tool_is_used(tmp_path):
+    names = ("zeit", "frame_number", "port_handle", "q0", "qx", "qy", "qz", "tx", "ty", "tz")
+    (tmp_path / "tools.csv").write_text(row_a_tool(names, ",,,,,,"))
+    said = ColumnMap(["zeit=ignore", "tx=x_m", "ty=y_m", "tz=z_m"])
+    recording = open_recording(tmp_path / "tools.csv", None, said)
+    assert said.unused == set()
+    assert frames(recording)[0].points[1, 0] == 20.0

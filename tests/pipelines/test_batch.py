@@ -250,3 +250,15 @@ def test_the_summary_has_the_clearance_where_there_is_a_lumen(run, half, write_c
     assert run("batch", half, other, "--out", out, "--tube-mm", "20", "--no-pictures", "--quiet").status == 0
     rows = {row["name"]: row for row in papq.read_table(out / "summary.parquet").to_pylist()}
     assert rows["half"]["clearance_m"] == pytest.approx(0.010, abs=1e-6)  # another tube is done anew
+
+
+def test_a_map_that_no_file_of_a_batch_has_is_named(run, tmp_path):
+    for name in ("a", "b"):
+        rows = "".join(f"{k},{k * k / 9},0\n" for k in range(9))
+        (tmp_path / f"{name}.csv").write_text(f"{name},y_mm,z_mm\n{rows}")
+    said = ("--map", "a=x_mm", "--map", "b=x_mm", "--map", "c=x_mm")
+    for _ in range(2):  # the second time the results stand
+        outcome = run("batch", tmp_path / "a.csv", tmp_path / "b.csv", "--out", tmp_path / "out", *said)
+        assert [line for line in outcome.errors if "no file that was read" in line] == [
+            "tssgeom: warning: --map 'c': no file that was read has a column of this name"
+        ]

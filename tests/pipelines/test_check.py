@@ -221,3 +221,10 @@ def test_a_campaign_of_a_machine_with_unknown_numbers_is_reported_with_signs_tha
     outcome = run("check", tmp_path, "--map", "joint_angle_rad=joint_angle:-rad")
     assert outcome.status == 2
     assert "[joint_sign]" in outcome.errors[0]
+
+
+def test_a_map_that_no_file_has_is_named_also_where_the_file_is_refused(run, tmp_path):
+    (tmp_path / "a.csv").write_text("x_mm,y_mm,z_mm\n0,0,0\n1,0,0\n")
+    outcome = run("check", tmp_path / "a.csv", "--map", "Pos=displacement_in_m", "--map", "x_mm=x_m")
+    assert "tssgeom: warning: --map 'Pos': no file that was read has a column of this name" in outcome.errors
+    assert not any("--map 'x_mm'" in line for line in outcome.errors)

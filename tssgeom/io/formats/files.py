@@ -29,10 +29,14 @@ __all__ = ["READERS", "Recording", "find_inputs", "open_recording", "output_name
 Reader = Callable[[Path, str | None], Recording]
 
 
+_TOOLS = (".csv", ".tsv", ".txt")
+"""Endings of tables that may be of tracked tools."""
+
+
 def _open_table(path: Path, unit: str | None, columns: ColumnMap = NO_MAP) -> Recording:
-    """Open a table: of tracked tools if the header of a `.csv` names their poses, else of points."""
-    if path.suffix.lower() == ".csv" and is_ndi(path):
-        return open_ndi(path, unit)
+    """Open a table: of tracked tools if the header of a text names their poses in a row, else of points."""
+    if path.suffix.lower() in _TOOLS and is_ndi(path):
+        return open_ndi(path, unit, columns)
     return open_table(path, unit, columns)
 
 

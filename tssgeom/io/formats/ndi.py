@@ -1,4 +1,4 @@
-"""Tables that NDI's programs write of tracked tools, `.csv`: a row for each frame, the tools side by side.
+"""Tables that NDI's programs write of tracked tools: a row for each frame, the tools side by side.
 
 Lengths are in mm. The quaternion of a tool is scalar-first and turns its own axes into the tracker's; so do
 its Euler angles [deg], about x, then y, then z.
@@ -13,7 +13,9 @@ from pathlib import Path
 import numpy as np
 
 from tssgeom.arrays import Matrix, Points, read_only
-from tssgeom.errors import ShapeError, SourceError
+from tssgeom.errors import SettingsError, ShapeError, SourceError
+from tssgeom.io.formats.laboratory.mapping import NO_MAP, ColumnMap
+from tssgeom.io.formats.laboratory.tools import FARTHEST_MM, UNOBSERVED, has_row_a_tool
 from tssgeom.io.formats.paths import LONGEST_LINE, reading, stem
 from tssgeom.io.formats.recording import PER_METRE, UNTIMED, Frames, Recording, agreed_unit
 from tssgeom.stream import Frame, Rejected
@@ -23,8 +25,7 @@ _EULER = ("rz", "ry", "rx", "tx", "ty", "tz")
 _STATES = ("state", "transformstatus", "status")
 _FRAMES = ("frame", "frame#")
 _MARKERS = ("markers", "#markers")
-_UNOBSERVED = ("missing", "disabled")
-_FARTHEST = 1e6  # mm; chosen: far outside the volume of a tracker, and NDI writes -3.7e28 for no number
+_SEPARATORS = (",", "\t", ";")
 _BY_FRAME = "no time column: the frame numbers are taken as time, one a second"
 
 
@@ -41,6 +42,13 @@ class Layout:
     """Column with the number of markers, the last before the markers themselves."""
     width: int = len(POSE)
     """Columns of a pose."""
+    separator: str = ","
+    """Where it is no comma, numbers may have decimal commas."""
+
+    def cells(self, line: str) -> list[str]:
+        """Return the cells of a row, numbers with a decimal point."""
+        cells = line.split(self.separator)
+        return [cell if "." in cell else cell.replace(",", ".") for cell in cells]
 
     def columns(self, cells: Sequence[str]) -> list[tuple[int, int | None]]:
         """Return pose and state columns of each tool in a row.
@@ -59,7 +67,7 @@ class Layout:
 
 
 def is_ndi(path: Path) -> bool:
-    """Whether the first line of a table names a pose as NDI's programs do."""
+    """Whether the first line of a table names poses side by side as NDI's programs do."""
     try:
         return _layout(_head(path)) is not None
     except SourceError:
@@ -84,7 +92,7 @@ class ToolFrames(Frames):
                 yield Rejected(seq, 0.0, f"line {number}: {error}: mend the row, or leave it out")
 
     def _frame(self, seq: int, line: str) -> Frame:
-        cells = line.split(",")
+        cells = self.layout.cells(line)
         points, axes = _sensed(cells, self.layout)
         time = _time(cells, self.layout)
         per_metre = PER_METRE["mm"]
@@ -95,11 +103,13 @@ class ToolFrames(Frames):
         )
 
 
-def open_ndi(path: Path, unit: str | None) -> Recording:
+def open_ndi(path: Path, unit: str | None, said: ColumnMap = NO_MAP) -> Recording:
     """Open a table of tracked tools.
 
     Raises
     ------
+    SettingsError
+        Where `--map` names one of its columns.
     ShapeError
         Where there is no pose in the header or no row, or where another unit is given.
     SourceError
@@ -111,6 +121,12 @@ def open_ndi(path: Path, unit: str | None) -> Recording:
         raise ShapeError(
             f"{path}: no columns {','.join(POSE)} in the header: save it from NDI's program anew"
         )
+    named = [name for name in _names(_head(path), layout.separator) if name in said.options]
+    if named:
+        raise SettingsError(
+            f"--map {named[0]!r}: {path} is a table of tracked tools, read by NDI's own names: leave it out, "
+            "or name the columns of each point in the file, S1_x_mm and so on"
+        )
     count, sense = _survey(path, layout)
     if not count:
         raise ShapeError(f"{path}: no row of tools: record at least one frame")
@@ -121,9 +137,20 @@ def open_ndi(path: Path, unit: str | None) -> Recording:
 
 
 def _layout(header: bytes) -> Layout | None:
-    names = [
-        name.strip().strip('"').lower() for name in header.decode("utf-8-sig", errors="replace").split(",")
-    ]
+    for separator in _SEPARATORS:
+        names = [name.lower() for name in _names(header, separator)]
+        if (layout := _layout_of(names, separator)) is not None:
+            return None if has_row_a_tool(names) else layout
+    return None
+
+
+def _names(header: bytes, separator: str) -> list[str]:
+    text = header.decode("utf-8-sig", errors="replace")
+    return [name.strip().strip('"') for name in text.split(separator)]
+
+
+def _layout_of(names: Sequence[str], separator: str) -> Layout | None:
+    """Return the layout of columns, named in small letters; None where no pose is among them."""
     width, poses = next(((len(pose), at) for pose in (POSE, _EULER) if (at := _starts(names, pose))), (0, []))
     if not poses:
         return None
@@ -137,6 +164,7 @@ def _layout(header: bytes) -> Layout | None:
         _before(names, 0, first, _FRAMES),
         next((k for k in range(first, len(names)) if names[k] in _MARKERS), None),
         width,
+        separator,
     )
 
 
@@ -163,12 +191,12 @@ def _sensed(cells: Sequence[str], layout: Layout) -> tuple[Points, Points]:
 
 def _pose(cells: Sequence[str], state: str, width: int) -> list[float]:
     unknown = [np.nan] * width
-    if state.strip().lower() in _UNOBSERVED or not any(cell.strip() for cell in cells):
+    if state.strip().lower() in UNOBSERVED or not any(cell.strip() for cell in cells):
         return unknown
     if len(cells) < width:
         raise ValueError(f"a tool has {len(cells)} of its {width} numbers")
     pose = [float(cell) for cell in cells]
-    return pose if all(abs(number) < _FARTHEST for number in pose) else unknown
+    return pose if all(abs(number) < FARTHEST_MM for number in pose) else unknown
 
 
 def _third_axes(quaternions: Matrix) -> Points:
@@ -205,7 +233,7 @@ def _survey(path: Path, layout: Layout) -> tuple[int, float]:
 def _along(line: str, layout: Layout) -> float:
     """Sum the third axes along the way to the next observed tool; 0 for a row that cannot be read."""
     try:
-        points, axes = _sensed(line.split(","), layout)
+        points, axes = _sensed(layout.cells(line), layout)
     except (ValueError, IndexError):
         return 0.0
     observed = ~np.isnan(points).any(axis=1)
@@ -223,4 +251,4 @@ def _rows(path: Path) -> Iterator[tuple[int, str]]:
         file.readline(LONGEST_LINE)
         for number, line in enumerate(iter(lambda: file.readline(LONGEST_LINE), b""), start=2):
             if line.strip():
-                yield number, line.decode("utf-8", errors="replace").strip()
+                yield number, line.decode("utf-8", errors="replace").strip("\r\n ")

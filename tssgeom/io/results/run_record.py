@@ -208,6 +208,8 @@ class Done(msgspec.Struct, frozen=True, kw_only=True):
     """Messages about its rejected frames, a line each."""
     reading: Sequence[str] = ()
     """How the file was read, where its names are not those of the formats."""
+    unused: Sequence[str] = ()
+    """Names of `--map` that the file does not have."""
     failures: Sequence[str]
     """Failures beside the tables, a line each."""
     report: dict[str, Any]

@@ -31,6 +31,8 @@ class Mapped(NamedTuple):
     """None where the name of the column or the channel states it."""
     origin: str
     """Origin of the statement: "--map", the file or the rig."""
+    named: Unit | None = None
+    """Unit in the name of the channel, for a column that states none."""
 
 
 class _Listed(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -74,14 +76,23 @@ class ColumnMap:
         other._options, other.reported, other.unused = self._options, self.reported, self.unused
         return other
 
+    def anew(self) -> ColumnMap:
+        """Return the same statements, of which no file has had a name so far."""
+        other = ColumnMap()
+        other._options, other._rig, other.unused = self._options, self._rig, set(self._options)
+        return other
+
     @property
     def options(self) -> dict[str, str]:
         """The option as text, for a record of the settings."""
-        return {name: channel_text(each.channel, each.unit) for name, each in self._options.items()}
+        return {
+            name: channel_text(each.channel, each.unit or each.named) for name, each in self._options.items()
+        }
 
     def use(self, names: Iterable[str]) -> None:
         """Note that a file has these columns."""
-        self.unused -= set(names)
+        held = {plain(name) for name in names}
+        self.unused.difference_update({name for name in self.unused if plain(name) in held})
 
 
 NO_MAP = ColumnMap()
@@ -115,7 +126,7 @@ def mapped(name: str, text: str, origin: str) -> Mapped:
     if given and (unit is None or unit.quantity != QUANTITIES.get(channel, "")):
         quantity = QUANTITIES.get(channel) or "a channel without unit"
         raise SettingsError(f"{origin}: {name!r} is to be {text!r}: {given!r} is no unit of {quantity}")
-    return Mapped(channel, unit if given or whole not in EXACT else None, origin)
+    return Mapped(channel, unit if given or whole not in EXACT else None, origin, own)
 
 
 def _channel(text: str) -> tuple[str | None, Unit | None]:

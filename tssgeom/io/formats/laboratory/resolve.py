@@ -131,7 +131,12 @@ def _take_mapped(
     quantity = QUANTITIES[each.channel]
     own = meaning.unit if meaning is not None else split_unit(name)[1]
     own = own if own is not None and own.quantity == quantity else None
-    unit = each.unit or own or (UNITS.get(SI[quantity]) if quantity in SI and quantity != LENGTH else None)
+    unit = (
+        each.unit
+        or own
+        or each.named
+        or (UNITS.get(SI[quantity]) if quantity in SI and quantity != LENGTH else None)
+    )
     if unit is None and quantity == LENGTH and each.channel not in (*AXES, "s"):
         unit = UNITS["m"]
     if values_of(table, k) is None:

@@ -18,6 +18,7 @@ from tssgeom.io.formats.laboratory.files import raw_tables
 from tssgeom.io.formats.laboratory.mapping import NO_MAP, ColumnMap, Mapped
 from tssgeom.io.formats.laboratory.raw import RawTable
 from tssgeom.io.formats.laboratory.resolve import marker_numbers, resolved
+from tssgeom.io.formats.laboratory.tools import with_points_of_tools
 from tssgeom.io.formats.laboratory.wide import FEWEST_POINTS, with_row_a_point
 from tssgeom.io.formats.paths import Stamp, selected, split, stamp_of
 from tssgeom.io.formats.recording import UNTIMED
@@ -115,7 +116,8 @@ def _tables_once(
     file: Path, stamp: Stamp, said: tuple[tuple[str, Mapped], ...], unit: str | None
 ) -> list[tuple[RawTable, Resolved]]:
     """Read a file once, since each of its recordings is an input of its own."""
-    tables = [with_row_a_point(file, table, dict(said), unit) for table in raw_tables(file)]
+    tools = [with_points_of_tools(table, dict(said)) for table in raw_tables(file)]
+    tables = [with_row_a_point(file, table, dict(said), unit) for table in tools]
     every = [(table, resolved(file, table, dict(said), unit)) for table in tables]
     return [each for each in every if each[1].values or each[1].unclear] or every
 
