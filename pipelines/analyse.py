@@ -191,6 +191,7 @@ def write_scene(
     from tssgeom.io.results.exports import tension_line, write_exports
     from tssgeom.tendon.state import tension
     from tssgeom.view.mesh import tube
+    from tssgeom.view.samples import tension_se
     from tssgeom.view.scene.recording import write_recording
 
     out.mkdir(parents=True, exist_ok=True)
@@ -205,7 +206,7 @@ def write_scene(
     result = analysis.representative
     radius = settings.tube_radius or result.profile.length / _SLENDERNESS
     pull = tension(result.state, result.profile.phi, result.profile.s)
-    line = tension_line(analysis.name, analysis.unit, result, pull)
+    line = tension_line(analysis.name, analysis.unit, result, pull, tension_se(result, result.profile))
     mesh = tube(result.route.position, result.route.tangent, pull, radius, carried=line.values)
     with replacing(out / f"{analysis.name}.glb") as draft:
         mesh.export(draft)

@@ -26,7 +26,7 @@ COLUMNS = (
     RADIANS,
     "pieces",
     "T_in\n[N]",
-    "T_out\n[N]",
+    "T_out ± s.e.\n[N]",
     "δ ± s.e.\n[mm]",
     WARNINGS,
 )
@@ -118,7 +118,7 @@ def _cells(row: dict[str, Any]) -> tuple[str, ...]:
         _with_error(*angle, 1.0, 3),
         str(row["pieces"]),
         _range(row, "tension_in_N", 1.0, 2),
-        _range(row, "tension_out_N", 1.0, 2),
+        _with_error(row, "tension_out_N", row["tension_out_se_N"], 1.0, 2),
         _with_error(row, "elongation_m", row["elongation_se_m"], 1e3, 3),
         str(len(row["warnings"]) or ""),
     )

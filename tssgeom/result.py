@@ -32,7 +32,7 @@ class Result:
         Parameters
         ----------
         axes
-            `matplotlib.axes.Axes` to draw on; by default those of a new figure.
+            `matplotlib.axes.Axes` to draw on; by default those of a new figure. Or the name of a plot.
         what
             What to draw; by default the first of `plots`.
 

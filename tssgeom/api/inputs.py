@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol, TypeAlias
@@ -12,7 +14,7 @@ from msgspec.structs import replace as changed
 
 from tssgeom.arrays import Vector
 from tssgeom.engine import recorded
-from tssgeom.errors import ShapeError
+from tssgeom.errors import SettingsError, ShapeError, TssgeomError
 from tssgeom.identify.calibrated_run import Measured
 from tssgeom.io.formats.files import open_recording
 from tssgeom.io.formats.laboratory.mapping import ColumnMap
@@ -26,6 +28,27 @@ from tssgeom.route.pieces import Arcs
 from tssgeom.stream import Frame, FrameResult, Rejected
 from tssgeom.tendon.moving import MovingRoute
 from tssgeom.uncertain import Uncertain, require_known
+
+_WORDS = (
+    (re.compile(r"--unit mm\|m"), 'unit="mm" or unit="m"'),
+    (re.compile(r"--unit\b"), "unit"),
+    (re.compile(r'--map "([^"]*)"'), r"read(…, columns=['\1'])"),
+    (re.compile(r"--map\b"), "columns of read"),
+)
+"""Options of the command line in messages, and what they are in Python."""
+
+
+@contextmanager
+def _python_words() -> Iterator[None]:
+    """Name the parameters of Python, not options, in the errors of a `with` block."""
+    try:
+        yield
+    except TssgeomError as error:
+        text = str(error)
+        for option, parameter in _WORDS:
+            text = option.sub(parameter, text)
+        error.args = (text, *error.args[1:])
+        raise
 
 
 class Table(Protocol):
@@ -72,7 +95,7 @@ def read(path: str | Path, unit: str | None = None, columns: Iterable[str] = ())
     SourceError
         Where the file cannot be read, or has an ending that no reader takes.
     SettingsError
-        Where `columns` cannot be understood.
+        Where `columns` cannot be understood, or names a column that the file does not have.
 
     Notes
     -----
@@ -85,7 +108,14 @@ def read(path: str | Path, unit: str | None = None, columns: Iterable[str] = ())
     >>> len(frames), frames[0].points.shape
     (1, (101, 3))
     """
-    return open_recording(path, unit, ColumnMap(columns))
+    said = ColumnMap(columns)
+    with _python_words():
+        recording = open_recording(path, unit, said)
+        if said.unused:
+            raise SettingsError(
+                f"{path}: columns: no column {sorted(said.unused)[0]!r} in the file: mend the name"
+            )
+    return recording
 
 
 def last_result(recording: Recording, rig: Rig | None, tension_in: float) -> FrameResult:
@@ -96,6 +126,11 @@ def last_result(recording: Recording, rig: Rig | None, tension_in: float) -> Fra
     ShapeError
         Where none can be.
     """
+    with _python_words():
+        return _last_result(recording, rig, tension_in)
+
+
+def _last_result(recording: Recording, rig: Rig | None, tension_in: float) -> FrameResult:
     last, first = None, "it holds no frame"
     for item in recorded(recording.frames, rig or Rig(), tension_in=tension_in):
         if isinstance(item, FrameResult):
@@ -177,6 +212,9 @@ def route_of(shapes: ShapesGiven, rig: Rig, unit: str | None = None) -> MovingRo
     ShapeError, SourceError, FitError
         Where the file or its frames cannot be used.
     """
+    if unit is not None and not isinstance(shapes, str | Path):
+        what = f"a {type(shapes).__name__}"
+        raise SettingsError(f"unit is {unit!r}, but {what} is in m: leave unit out")
     if isinstance(shapes, MovingRoute):
         return shapes
     if isinstance(shapes, Arcs):

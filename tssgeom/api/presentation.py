@@ -70,6 +70,8 @@ def line(result: object) -> str:
             parts.append("…")
             break
         parts.append(part)
+    if count := len(of.remarks(result)):
+        parts.append(f"{count} warning{'s' if count > 1 else ''}")
     return f"<{type(result).__name__}: {', '.join(parts)}>"
 
 
@@ -99,13 +101,17 @@ def plots(result: object) -> tuple[str, ...]:
     return tuple(presentation(result).drawings(result))
 
 
-def plot(result: object, axes: Axes | None, what: str | None) -> Axes:
+def plot(result: object, axes: Axes | str | None, what: str | None) -> Axes:
     """Draw a result on axes, or on those of a new figure of pyplot, and return them."""
+    if isinstance(axes, str) and what is None:  # result.plot("tension")
+        axes, what = None, axes
+    if axes is not None and not hasattr(axes, "fill_between"):
+        raise SettingsError(f"axes is {axes!r}: give matplotlib's axes, or the name of a plot alone")
     draw = drawing(result, what)
     from tssgeom.view.figures.plots import new_axes, style
     from tssgeom.view.figures.restyle import set_subscripts
 
-    if axes is None:
+    if axes is None or isinstance(axes, str):
         with style():
             return plot(result, new_axes(), what)
     draw(axes)

@@ -70,7 +70,7 @@ def route_samples(result: FrameResult, most: int = MOST_NODES) -> RouteSamples:
     )
 
 
-def tension_se(result: FrameResult, frame: RouteSamples) -> Vector:
+def tension_se(result: FrameResult, frame: RouteSamples | CurvatureProfile) -> Vector:
     """Return the standard error of the tension that comes from that of the curve angle [N]."""
     middle, upper, lower = (
         tension(result.state, np.maximum(frame.phi + side * frame.phi_se, 0.0)) for side in (0.0, 1.0, -1.0)

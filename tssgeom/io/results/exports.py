@@ -46,6 +46,8 @@ VALUES = {
     "kappa_per_m": "curvature of the route",
     "kappa_se_per_m": "standard error of the curvature",
     "angle_rad": "curve angle from the proximal end",
+    "tension_se_N": "standard error of the tension that comes from the geometry",
+    "angle_se_rad": "standard error of the curve angle",
 }
 """Numbers at each node of an exported route, by name with the unit."""
 
@@ -67,7 +69,9 @@ class TensionLine:
     """Numbers of the whole route, by name with the unit."""
 
 
-def tension_line(name: str, unit: str, result: FrameResult, tension: Vector) -> TensionLine:
+def tension_line(
+    name: str, unit: str, result: FrameResult, tension: Vector, tension_se: Vector
+) -> TensionLine:
     """Gather the numbers of a frame's route and tendon that are exported.
 
     Parameters
@@ -80,14 +84,17 @@ def tension_line(name: str, unit: str, result: FrameResult, tension: Vector) -> 
         The frame.
     tension
         Tension at the nodes of its route [N].
+    tension_se
+        Its standard error [N].
     """
     profile, transmission = result.profile, result.transmission
+    values = (tension, profile.kappa, profile.kappa_se, profile.phi, tension_se, profile.phi_se)
     return TensionLine(
         name,
         "m" if unit == "m" else "mm",
         result.route.s,
         result.route.position,
-        dict(zip(VALUES, (tension, profile.kappa, profile.kappa_se, profile.phi), strict=True)),
+        dict(zip(VALUES, values, strict=True)),
         {
             "length_m": profile.length,
             "total_angle_rad": profile.total_angle,

@@ -75,6 +75,7 @@ def shape_summary(name: str, result: FrameResult, notes: Iterable[str] = ()) -> 
         "segments": segments(result.arcs),
         "tension_in_N": transmission.tension_in,
         "tension_out_N": transmission.tension_out,
+        "tension_out_se_N": transmission.tension_out_se,
         "elongation_m": transmission.elongation,
         "elongation_se_m": transmission.elongation_se,
         **({} if result.machine is None else result.machine.numbers),

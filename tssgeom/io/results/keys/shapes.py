@@ -90,6 +90,8 @@ class ShapeObject(TypedDict):
     """Tension at the proximal end [N]."""
     tension_out_N: float
     """Tension at the distal end [N]."""
+    tension_out_se_N: float
+    """Standard error of that tension [N]."""
     elongation_m: float
     """Elongation δ above the pretensioned state [m]."""
     elongation_se_m: float
