@@ -91,7 +91,7 @@ def fit_round(
 
     def slope(now: Solution[_Answer]) -> Matrix:
         nonlocal apart
-        made = problem.jacobian(now.u, *now.detail, apart) * rows[:, None]
+        made = problem.jacobian(now.u, *now.detail, problem.beside(now.u, apart)) * rows[:, None]
         apart = problem.steps(made)
         return made
 

@@ -119,7 +119,7 @@ def _predicted(fitted: Problem, away: Problem, state: FitState) -> tuple[list[Ve
     slope = state.slope(fitted)
     covariance = np.asarray(np.linalg.inv(slope.T @ slope + np.eye(len(state.u))), dtype=np.float64)
     left = away.left(state.channels)
-    slopes = away.jacobian(state.u, state.channels, left, state.steps)
+    slopes = state.jacobian(away, left)
     runs = {k for k, _, _ in fitted.rows}
     own = np.array([each.run >= 0 and each.run not in runs for each in fitted.parameters])
     scale = np.concatenate([np.full(len(each), 1.0 / max(spread(each), 1e-12)) for each in left])

@@ -122,7 +122,10 @@ def posterior_of(problem: Problem, state: FitState, quantile: float) -> tuple[Pr
         u = best.u[np.argmin(best.chi2)]
         channels = fine.model(u)
         if channels is not None:
-            problem, state = fine, replace(state, u=u, channels=channels, left=fine.left(channels))
+            problem, state = (
+                fine,
+                replace(state, u=u, channels=channels, left=fine.left(channels), beside=None),
+            )
     return problem, state, Posterior(state.u, covariance, quantile, profiles)
 
 

@@ -10,13 +10,14 @@ from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.errors import FitError, SettingsError
 from tssgeom.identify.machine_parameters import Parameter, route_numbers
-from tssgeom.identify.machine_run import MachineRun, predicted
+from tssgeom.identify.machine_run import MachineRun, Machines
 from tssgeom.least_squares import SOLVER
 from tssgeom.rig import Rig, with_values
 
@@ -53,6 +54,16 @@ class MachineFitSettings:
 FIT = MachineFitSettings()
 
 
+class Beside(NamedTuple):
+    """What the model gives a step beside some numbers."""
+
+    step: float
+    channels: list[Mapping[str, Vector]] | None
+    """None where the machine has no equilibrium."""
+    only: int
+    """The run that the channels are of, or −1 for all."""
+
+
 @dataclass(frozen=True, slots=True)
 class Problem:
     """Runs, what is fitted of them, and the model at so many bars; every number counts as `u`."""
@@ -87,19 +98,25 @@ class Problem:
         """Return the readings of each block of rows."""
         return [self.runs[k].measured[channel][at] for k, channel, at in self.rows]
 
-    def model(self, u: Vector, only: int | None = None) -> list[Mapping[str, Vector]] | None:
-        """Return the channels of each run, or of one; None where the machine has no equilibrium."""
+    def model(
+        self, u: Vector, only: int | None = None, machines: Machines | None = None
+    ) -> list[Mapping[str, Vector]] | None:
+        """Return the channels of each run, or of one; None where the machine has no equilibrium.
+
+        Where only numbers of runs have changed, the `machines` are as before.
+        """
         try:
-            values = {
-                each.key: each.value(x)
-                for each, x in zip(self.parameters, u, strict=True)
-                if each.kind == "rig"
-            }
-            rig = with_values(self.rig, values)
+            machines = machines or self.machines(u)
             which = range(len(self.runs)) if only is None else [only]
-            return [predicted(self.runs[k], rig, self.of_run(u, k), self.bars) for k in which]
+            return [machines.predicted(self.runs[k], self.of_run(u, k)) for k in which]
         except (FitError, SettingsError, FloatingPointError):
             return None
+
+    def machines(self, u: Vector) -> Machines:
+        """Return the rig at these numbers; raises SettingsError where one is out of bounds."""
+        pairs = zip(self.parameters, u, strict=True)
+        values = {each.key: each.value(x) for each, x in pairs if each.kind == "rig"}
+        return Machines(with_values(self.rig, values), self.bars)
 
     def of_run(self, u: Vector, k: int) -> dict[tuple[str, str], float]:
         """Return the numbers of one run, by kind and key."""
@@ -148,10 +165,9 @@ class Problem:
         u: Vector,
         channels: Sequence[Mapping[str, Vector]],
         left: Sequence[Vector],
-        steps: Vector | None = None,
+        beside: Mapping[int, Beside],
     ) -> Matrix:
         """Return derivatives of what is left by every number [rows, parameters]."""
-        steps = self.steps() if steps is None else steps
         edges = np.cumsum([0, *(len(each) for each in left)])
         out = np.zeros((edges[-1], len(u)))
         for j, parameter in enumerate(self.parameters):
@@ -159,28 +175,30 @@ class Problem:
                 for b, (k, name, _) in enumerate(self.rows):
                     if (k, name) == (parameter.run, parameter.key):
                         out[edges[b] : edges[b + 1], j] = -parameter.prior.sd
-        simulated = [j for j, each in enumerate(self.parameters) if each.kind != "zero"]
-        with ThreadPoolExecutor(min(len(simulated), os.cpu_count() or 1)) as pool:
-            for j, there in zip(simulated, pool.map(partial(self._beside, u, steps), simulated), strict=True):
-                step, moved, only = there
-                for b, (k, name, at) in enumerate(self.rows):
-                    if moved is not None and (only < 0 or k == only):
-                        other = moved[k if only < 0 else 0]
-                        out[edges[b] : edges[b + 1], j] = (channels[k][name][at] - other[name][at]) / step
+        for j, there in beside.items():
+            for b, (k, name, at) in enumerate(self.rows):
+                if there.channels is not None and (there.only < 0 or k == there.only):
+                    other = there.channels[k if there.only < 0 else 0]
+                    out[edges[b] : edges[b + 1], j] = (channels[k][name][at] - other[name][at]) / there.step
         return out
 
-    def _beside(
-        self, u: Vector, steps: Vector, j: int
-    ) -> tuple[float, list[Mapping[str, Vector]] | None, int]:
-        """Return a step of one number, the channels after it, and the run that it belongs to, or −1."""
+    def beside(self, u: Vector, steps: Vector) -> dict[int, Beside]:
+        """Return the channels a step beside some numbers, along each number that is not a zero."""
+        simulated = [j for j, each in enumerate(self.parameters) if each.kind != "zero"]
+        with ThreadPoolExecutor(min(len(simulated), os.cpu_count() or 1)) as pool:
+            along = partial(self._beside, u, steps, self.machines(u))
+            return dict(zip(simulated, pool.map(along, simulated), strict=True))
+
+    def _beside(self, u: Vector, steps: Vector, here: Machines, j: int) -> Beside:
         only, step = self.parameters[j].run, float(steps[j])
+        machines = None if self.parameters[j].kind in ("rig", "route") else here
         for way in (step, -step):
             moved = u.copy()
             moved[j] += way
-            channels = self.model(moved, None if only < 0 else only)
+            channels = self.model(moved, None if only < 0 else only, machines)
             if channels is not None:
-                return way, channels, only
-        return step, None, only
+                return Beside(way, channels, only)
+        return Beside(step, None, only)
 
 
 @dataclass(slots=True)
@@ -195,11 +213,19 @@ class FitState:
     objective: float
     steps: Vector
     """Of derivatives."""
+    beside: Mapping[int, Beside] | None = None
+    """What the model gives these steps beside, once it is known."""
 
     def slope(self, problem: Problem) -> Matrix:
         """Return derivatives of the weighted readings by every number [rows, parameters]."""
-        made = problem.jacobian(self.u, self.channels, self.left, self.steps)
+        made = self.jacobian(problem, self.left)
         return np.asarray(made * np.concatenate(self.weight)[:, None], dtype=np.float64)
+
+    def jacobian(self, problem: Problem, left: Sequence[Vector]) -> Matrix:
+        """Return derivatives of what is left of the rows of a problem, be they fitted or not."""
+        if self.beside is None:
+            self.beside = problem.beside(self.u, self.steps)
+        return problem.jacobian(self.u, self.channels, left, self.beside)
 
 
 def fitted_rows(runs: Sequence[MachineRun], held_out: bool | None) -> tuple[tuple[int, str, np.ndarray], ...]:

@@ -20,7 +20,7 @@ from tssgeom.plausibility.series import Series
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
 from tssgeom.statistics import reading_noise, root_mean_square, turns
-from tssgeom.tendon.machine import Start, machine_of, routed
+from tssgeom.tendon.machine import Machine, Start, machine_of, routed
 from tssgeom.tendon.machine_history import DriveName
 from tssgeom.tendon.machine_simulation import drive_channels, drive_of, simulate_machine, with_torque
 
@@ -238,19 +238,36 @@ def predicted(
     run: MachineRun, rig: Rig, values: Mapping[tuple[str, str], float], bars: int
 ) -> dict[str, Vector]:
     """Return what each answering channel would have read [s]; `values` are those of the run, by kind, key."""
-    scales = [values.get(("route", str(which)), 1.0) for which in range(len(run.routes))]
-    routes = [routed(arcs.scaled(angle=by), rig) for arcs, by in zip(run.routes, scales, strict=True)]
-    machine = machine_of(rig, routes, bars)
-    shares = np.array([values.get(("history", str(which)), 0.0) for which in range(machine.count)])
-    given = dict(run.given)
-    for (kind, channel), zero in values.items():
-        if kind == "given zero":
-            given[channel] = given[channel] - zero
-    if run.legs is not None:
-        shifts = np.array([values.get(("turn", str(turn)), 0.0) for turn in range(len(run.legs.turns))])
-        given[drive_channels(run.drive, 1)[0]] = with_turns(run.legs, shifts)
-    out = simulate_machine(machine, given, drive=run.drive, end_given=run.end_given, start=Start(shares))
-    return {name: out[name] + values.get(("zero", name), 0.0) for name in run.measured}
+    return Machines(rig, bars).predicted(run, values)
+
+
+class Machines:
+    """A rig on the routes of runs, each made once."""
+
+    def __init__(self, rig: Rig, bars: int) -> None:
+        self.rig, self.bars, self._made = rig, bars, dict[tuple[object, ...], Machine]()
+
+    def predicted(self, run: MachineRun, values: Mapping[tuple[str, str], float]) -> dict[str, Vector]:
+        """Do as `predicted`."""
+        machine = self._on(run.routes, [values.get(("route", str(k)), 1.0) for k in range(len(run.routes))])
+        shares = np.array([values.get(("history", str(which)), 0.0) for which in range(machine.count)])
+        given = dict(run.given)
+        for (kind, channel), zero in values.items():
+            if kind == "given zero":
+                given[channel] = given[channel] - zero
+        if run.legs is not None:
+            shifts = np.array([values.get(("turn", str(turn)), 0.0) for turn in range(len(run.legs.turns))])
+            given[drive_channels(run.drive, 1)[0]] = with_turns(run.legs, shifts)
+        out = simulate_machine(machine, given, drive=run.drive, end_given=run.end_given, start=Start(shares))
+        return {name: out[name] + values.get(("zero", name), 0.0) for name in run.measured}
+
+    def _on(self, routes: Sequence[Arcs], scales: Sequence[float]) -> Machine:
+        """Return the rig on some routes, their angles times a factor each."""
+        which = tuple((arcs.length.tobytes(), arcs.angle.tobytes()) for arcs in routes), *scales
+        if which not in self._made:
+            scaled = [arcs.scaled(angle=by) for arcs, by in zip(routes, scales, strict=True)]
+            self._made[which] = machine_of(self.rig, [routed(arcs, self.rig) for arcs in scaled], self.bars)
+        return self._made[which]
 
 
 def finely_predicted(

@@ -165,11 +165,14 @@ def play(values: Vector, width: float, engaged: float | None = None) -> Vector:
     """
     if width <= 0.0:
         return values
-    passed, at = np.empty_like(values), float(values[0]) if engaged is None else engaged
-    for i, value in enumerate(values.tolist()):
-        at = min(max(at, value), value + width)
-        passed[i] = at
-    return passed
+    passed, at = list[float](), float(values[0]) if engaged is None else engaged
+    for value in values.tolist():
+        if at < value:
+            at = value
+        elif at > value + width:
+            at = value + width
+        passed.append(at)
+    return np.array(passed)
 
 
 def routed(arcs: Arcs, rig: Rig) -> Arcs:
@@ -208,8 +211,12 @@ def held_tensions(machine: Machine, start: Start | None = None) -> Matrix:
     Without `start` no friction holds the tendons.
     """
     rig, rows, start = machine.rig, [], start or at_rest(machine.count)
+    angles = dict[int, Vector]()
     for which, arcs in enumerate(machine.routes):
-        angle = np.concatenate(([0.0], discretise(machine.edge, arcs).mean_angle, [arcs.total_angle]))
+        if id(arcs) not in angles:
+            inside = discretise(machine.edge, arcs).mean_angle
+            angles[id(arcs)] = np.concatenate(([0.0], inside, [arcs.total_angle]))
+        angle = angles[id(arcs)]
         by_friction = rig.friction.coefficient * start.history[which] * (0.5 * arcs.total_angle - angle)
         slack = which == 1 and rig.drive.slack_m > 0.0
         rows.append(

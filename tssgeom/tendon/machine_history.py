@@ -65,16 +65,22 @@ def direction(values: Vector, before: Turning | None = None) -> Vector:
 
 def turned(values: Vector, engaged: Vector, before: Turning | None) -> Turning:
     """Return a motor or a joint after some samples, and after its play [rad]."""
-    return Turning(float(values[-1]), float(direction(values, before)[-1]), float(engaged[-1]))
+    first, way = (values[0], 0.0) if before is None else (before.value, before.way)
+    steps = np.concatenate(([values[0] - first], values[1:] - values[:-1]))
+    moved = np.flatnonzero(np.abs(steps) > _STILL)
+    way = float(np.sign(steps[moved[-1]])) if len(moved) else way
+    return Turning(float(values[-1]), way, float(engaged[-1]))
 
 
 def read_by_sensors(
     values: Mapping[str, Vector], time: Vector, rig: Rig, history: MachineHistory, before: MachineHistory
 ) -> tuple[dict[str, Vector], MachineHistory]:
     """Return what the sensors read of the channels, and what their lags leave."""
+    read, lags = dict[str, Vector](), dict[str, tuple[float, float]]()
+    if rig.sensors.keys().isdisjoint(values):
+        return dict(values), history._replace(lags=lags)
     begins = not before.lags
     spans = np.maximum(np.diff(time, prepend=time[0] if begins else before.time), 0.0)
-    read, lags = dict[str, Vector](), dict[str, tuple[float, float]]()
     for name, true in values.items():
         sensor, read[name] = rig.sensors.get(name), true
         if sensor is None:

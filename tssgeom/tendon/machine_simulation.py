@@ -280,7 +280,9 @@ def _of_motor(rig: Rig, motor: Vector, ends: np.ndarray, before: Turning | None)
     pulled = ends[:, :, 0] @ arms
     if rig.end.kind == "carried":
         pulled = pulled - ends[:, :, 1] @ arms
-    torque = pulled + rig.drive.friction_Nm * direction(motor, before)
+    torque = pulled
+    if rig.drive.friction_Nm > 0.0:
+        torque = pulled + rig.drive.friction_Nm * direction(motor, before)
     out = {"motor_angle_rad": motor, "motor_torque_Nm": torque}
     if rig.drive.torque_constant_Nm_per_A > 0.0:
         out["motor_current_A"] = torque / rig.drive.torque_constant_Nm_per_A
