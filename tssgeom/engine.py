@@ -158,7 +158,7 @@ class Engine:
                 held = f"the frame brings neither drive nor target: the tendon is held at {tension_in:.4g} N"
                 frame = replace(frame, warnings=(*frame.warnings, held))
             before, more = (self._state, self._rig, tension_in), (self._commander, self._follower)
-            result = _pulled(seq, frame, *before, fitted, *more, track.watch)
+            result = _pulled(seq, frame, *before, fitted, *more)
             if isinstance(result, Rejected):
                 return result
             self._state, track.last, self._commander = result.carried, result.tracked, result.commander
@@ -299,16 +299,10 @@ def _pulled(
     sensed: SensedRoute | Rejected,
     commander: Commander | None = None,
     follower: Follower | None = None,
-    watch: FrameWatch | None = None,
 ) -> FrameResult | Rejected:
     """Do as `stream.pulled`, but return what cannot be used as rejected."""
     if isinstance(sensed, Rejected):
         return sensed
-    if watch is not None:
-        length = sensed.fit.arcs.total_length
-        refused = _attempt(seq, frame, watch.require_length, frame.time, length)
-        if refused is not None:
-            return refused
     more = (tension_in, sensed, commander, follower)
     return _attempt(seq, frame, pulled, seq, frame, state, rig, *more)
 
@@ -323,7 +317,7 @@ def _attempt(seq: int, frame: Frame, call: Callable[..., _Result], *arguments: o
 
 def _watched(result: FrameResult, watch: FrameWatch) -> FrameResult:
     """Return a result with the rules that its frame breaks beside those before it."""
-    warnings = watch.take(result.frame, result.fit.arcs.total_length)
+    warnings = watch.take(result.frame)
     return replace(result, warnings=result.warnings + warnings) if warnings else result
 
 

@@ -87,6 +87,7 @@ def test_the_summary_of_one_shape_has_the_promised_keys():
         *(
             "tension_in_N",
             "tension_out_N",
+            "tension_out_se_N",
             "elongation_m",
             "elongation_se_m",
             "tension_in_assumed",

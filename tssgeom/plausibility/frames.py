@@ -155,30 +155,10 @@ class FrameWatch:
     """Frames that repeated the points of the one before."""
     varied: bool = False
     """Whether points differed from frame to frame before."""
-    length: float = math.nan
-    """Length of the route in the last frame [m]."""
 
-    def require_length(self, time: float, length: float) -> None:
-        """Refuse a frame at a time [s] whose route [m] cannot have the last one become.
-
-        Raises
-        ------
-        SettingsError
-            Where a rule refuses it.
-        """
-        passed, change, most = time - self.latest, abs(length - self.length), LIMITS.length_jump
-        if (
-            passed >= 0.0
-            and change > LIMITS.length_speed * passed
-            and not 1.0 / most < length / self.length < most
-        ):
-            was = f"the route is {length:.3g} m long, and was {self.length:.3g} m {passed:.3g} s before"
-            raise SettingsError(remark("length_jump", "frame", was).text)
-
-    def take(self, frame: Sensed, length: float) -> tuple[str, ...]:
-        """Take in the next good frame, with the length of its route [m], and return its warnings."""
+    def take(self, frame: Sensed) -> tuple[str, ...]:
+        """Take in the next good frame, and return its warnings."""
         step, self.latest = frame.time - self.latest, frame.time
-        self.length = length
         before, self.points = self.points, frame.points
         self.frames += 1
         remarks: tuple[Remark, ...] = ()

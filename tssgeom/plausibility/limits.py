@@ -37,11 +37,6 @@ class Limits:
     largest_stroke: float = 2.0
     """Chosen: a tendon is not pulled out of its sheath. Travel of a drive over the length of the
     route [1]."""
-    length_jump: float = 1.5
-    """Chosen: fits of few points differ by less from frame to frame. Ratio of the lengths of a route in two
-    frames [1]."""
-    length_speed: float = 2.0
-    """Chosen: a hand inserts an instrument at less than 1 m/s. Change of the length of a route [m/s]."""
     usual_stretch: float = 6.0
     """Chosen: a compliance may be wrong by 3; kgf for N make 9.8. Measured stretch over that of compliance
     and tension, or its inverse, from which a warning is due [1]."""

@@ -292,13 +292,6 @@ RULES: dict[str, Rule] = {
         "A sender stopped, or changed its unit of time.",
         "check the times of the frames",
     ),
-    "length_jump": Rule(
-        f"the length of a route changes by a factor of {_L.length_jump:g} from frame to frame, and by more "
-        f"than {_L.length_speed:g} m/s",
-        {"frame": "refuse"},
-        "No instrument moves so fast: the unit of the points changed, or a sensor lost its calibration.",
-        "check the unit of the points",
-    ),
     "rig_friction": Rule(
         f"the friction coefficient of a rig is above {_L.most_rig_friction:g}",
         {"rig": "warn"},
