@@ -18,13 +18,7 @@ from tssgeom.route.time_filter import PointFilter
 from tssgeom.route.tracking import NotWarmError, TrackedFit, model_checked
 from tssgeom.sensed_route import SensedRoute, sensed_route
 from tssgeom.smoothed_frames import smoothed_in_time, smoothed_in_windows
-from tssgeom.stream import (
-    Carried,
-    FrameResult,
-    Rejected,
-    at_rest,
-    pulled,
-)
+from tssgeom.stream import Carried, FrameResult, Rejected, at_rest, drives_tendon, held, pulled
 from tssgeom.tendon.commander import Commander
 from tssgeom.tendon.state import TendonState
 
@@ -152,11 +146,9 @@ class Engine:
                 fitted = _attempt(seq, frame, sensed_route, frame, self._rig, track.last, filtered)
             else:
                 fitted = sensed
-            tension_in, is_driven = self._tension_in, _drives(frame)
+            tension_in, is_driven = self._tension_in, drives_tendon(frame)
             if self._was_driven and not is_driven and isinstance(self._state, TendonState):
-                tension_in = self._state.tension_in
-                held = f"the frame brings neither drive nor target: the tendon is held at {tension_in:.4g} N"
-                frame = replace(frame, warnings=(*frame.warnings, held))
+                frame, tension_in = held(frame, self._state)
             before, more = (self._state, self._rig, tension_in), (self._commander, self._follower)
             result = _pulled(seq, frame, *before, fitted, *more)
             if isinstance(result, Rejected):
@@ -282,12 +274,6 @@ def _carried(
     for frame, filtered in frames:
         yield engine.push(frame, filtered=filtered)
         engine.idle()  # the result is out: the check of its model delays no frame that has arrived
-
-
-def _drives(frame: Frame) -> bool:
-    """Whether a frame drives one tendon."""
-    drives = (frame.tension_in, frame.displacement_in, frame.displacement_target, frame.tension_out_target)
-    return any(each is not None for each in drives)
 
 
 def _pulled(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from tssgeom.adapt import carry, carry_machine
@@ -15,7 +14,7 @@ from tssgeom.effects import named
 from tssgeom.errors import SettingsError
 from tssgeom.frame import Frame
 from tssgeom.plausibility.frames import frame_remarks, strain_remarks
-from tssgeom.plausibility.kinds import Remark
+from tssgeom.plausibility.rules import warnings_of
 from tssgeom.result import Result
 from tssgeom.rig import Rig
 from tssgeom.route.curvature import CurvatureProfile
@@ -35,6 +34,7 @@ from tssgeom.tendon.machine_stream import (
     CarriedMachine,
     MachineMoment,
     channels_of,
+    greatest_pull,
 )
 from tssgeom.tendon.state import TendonState, pretensioned, transmit_after
 from tssgeom.tendon.transmission import Transmission
@@ -168,7 +168,7 @@ def pulled(
     commander = commander or commander_of(rig)
     length, pull = fit.arcs.total_length, frame.tension_in or 0.0
     remarks = list(frame_remarks(frame, length))
-    _plausible([*remarks, *strain_remarks(rig, length, pull)])  # before a follower takes them in
+    warnings_of(None, [*remarks, *strain_remarks(rig, length, pull)])  # before a follower takes them in
     if follower is None:
         moved, command, commander = commander.moved(state, at, given, tension_in)
     else:
@@ -176,7 +176,7 @@ def pulled(
         moved, command, commander = carry.moved(follower, commander, state, at, given, read, tension_in)
         rig = follower.carried.rig
     most = moved.tension_in if command is None else max(moved.tension_in, command.tension_in)
-    warnings = _plausible([*remarks, *strain_remarks(rig, length, most)])
+    warnings = tuple(warnings_of(None, [*remarks, *strain_remarks(rig, length, most)]))
     moved, transmission = _transmitted(state, moved, rig, stands, shared)
     known = None if follower is None else follower.known
     if known is not None:
@@ -224,13 +224,15 @@ def _of_machine(
     readings, warnings = _readings(frame, rig)
     of_machine = commander.of_machine or machine_commander_of(rig)
     at = Moved(fit.arcs, frame.time, tension_in, shared)
-    length, pulls = fit.arcs.total_length, _pulls(readings)
+    length, pulls = fit.arcs.total_length, greatest_pull(readings)
     remarks = list(frame_remarks(frame, length))
-    _plausible([*remarks, *strain_remarks(rig, length, pulls)])  # before a follower takes them in
+    warnings_of(None, [*remarks, *strain_remarks(rig, length, pulls)])  # before a follower takes them in
     if follower is None:
         moment, of_machine = of_machine.moved(before, rig, readings, at)
     else:
         moment = carry_machine.moved(follower, of_machine, before, readings, at)
+    most = max(pulls, greatest_pull(moment.channels))
+    warnings += tuple(warnings_of(None, [*remarks, *strain_remarks(rig, length, most)]))
     return FrameResult(
         seq=seq,
         frame=frame,
@@ -243,18 +245,12 @@ def _of_machine(
         + shape.warnings
         + fit.warnings
         + warnings
-        + _plausible([*remarks, *strain_remarks(rig, length, max(pulls, _pulls(moment.channels)))])
         + (() if follower is None else follower.warnings),
         commander=replace(commander, of_machine=of_machine),
         followed=None if follower is None else follower.known,
         alert=None if follower is None else follower.alert,
         machine=moment,
     )
-
-
-def _pulls(channels: Mapping[str, float]) -> float:
-    """Return the greatest proximal tension among channels of a machine [N]."""
-    return max((value for name, value in channels.items() if name.startswith("tension_in")), default=0.0)
 
 
 def _readings(frame: Frame, rig: Rig) -> tuple[dict[str, float], tuple[str, ...]]:
@@ -284,6 +280,19 @@ def _readings(frame: Frame, rig: Rig) -> tuple[dict[str, float], tuple[str, ...]
     return given, tuple(f"{name} is not used: the rig has no such channel" for name in unknown)
 
 
+def drives_tendon(frame: Frame) -> bool:
+    """Whether a frame brings the drive of one tendon, or its target."""
+    drives = (frame.tension_in, frame.displacement_in, frame.displacement_target, frame.tension_out_target)
+    return any(each is not None for each in drives)
+
+
+def held(frame: Frame, state: TendonState) -> tuple[Frame, float]:
+    """Return a frame without drive and target with a warning, and the tension at which the tendon is held."""
+    pull = state.tension_in
+    text = f"the frame brings neither drive nor target: the tendon is held at {pull:.4g} N"
+    return replace(frame, warnings=(*frame.warnings, text)), pull
+
+
 _MAY_DRIVE = ("motor_", "displacement_in", "tension_in")
 
 
@@ -297,10 +306,9 @@ def _unread(frame: Frame) -> tuple[str, ...]:
     """
     if not frame.of_machine:
         return ()
-    drives = (frame.tension_in, frame.displacement_in, frame.displacement_target, frame.tension_out_target)
     wanted = [name for name in frame.of_machine if name.startswith(_MAY_DRIVE) or name == JOINT_TARGET]
     names = ", ".join(frame.of_machine)
-    if wanted and all(drive is None for drive in drives):
+    if wanted and not drives_tendon(frame):
         raise SettingsError(
             f"{wanted[0]} is of a machine, and nothing else drives the tendon: give [drive] and [end]"
         )
@@ -313,20 +321,6 @@ def _temperature_warnings(rig: Rig, frame: Frame) -> tuple[str, ...]:
         return ()
     idle = named(effect for effect in rig.effects if "temperature_C" in effect.needs)
     return (f"no temperature_C: {idle} does nothing",) if idle else ()
-
-
-def _plausible(remarks: Sequence[Remark]) -> tuple[str, ...]:
-    """Return the rules that a frame breaks by itself.
-
-    Raises
-    ------
-    SettingsError
-        Where one of them refuses it.
-    """
-    for each in remarks:
-        if each.severity == "refuse":
-            raise SettingsError(each.text)
-    return tuple(each.text for each in remarks)
 
 
 def _transmitted(

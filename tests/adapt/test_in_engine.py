@@ -197,3 +197,23 @@ def test_a_broken_filter_or_one_of_other_numbers_is_refused(scenario):
         filter_of(plain | {"version": 7}, rig)
     with pytest.raises(SettingsError, match="the saved filter follows"):
         filter_of(plain | {"keys": ["tendon.compliance_per_N"]}, rig)
+
+
+def test_a_position_that_cannot_be_leaves_the_filter_as_it_was(scenario):
+    rig = rig_of(scenario.machine)
+    spoilt, sound = (Engine(rig, tension_in=5.0, follower=Follower(rig)) for _ in range(2))
+    given = list(sensed(scenario, 12))
+    for frame in given[:11]:
+        first, second = spoilt.push(frame), sound.push(frame)
+    length = second.fit.arcs.total_length if isinstance(second, FrameResult) else 0.0
+    bad = spoilt.push(
+        replace(given[11], tension_in=None, displacement_in=1.9 * length, time=given[11].time - 1e-3)
+    )
+    assert isinstance(bad, Rejected)
+    assert bad.reason.endswith("[strain]")
+    first, second = spoilt.push(given[11]), sound.push(given[11])
+    assert isinstance(first, FrameResult)
+    assert isinstance(second, FrameResult)
+    assert first.followed is not None
+    assert second.followed is not None
+    assert first.followed.values.tolist() == second.followed.values.tolist()

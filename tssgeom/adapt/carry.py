@@ -11,6 +11,9 @@ from tssgeom.adapt.readings import Readings
 from tssgeom.adapt.rig_filter import RigFilter
 from tssgeom.core.constants_tendon import BAR
 from tssgeom.errors import SettingsError, TssgeomError
+from tssgeom.plausibility.frames import strain_remarks
+from tssgeom.plausibility.limits import LIMITS
+from tssgeom.plausibility.rules import warnings_of
 from tssgeom.tendon.command import Command
 from tssgeom.tendon.command_error import DistalErrors, Step
 from tssgeom.tendon.commander import Commander, Given, Measured, Target
@@ -53,13 +56,18 @@ def moved(
     at = at._replace(arcs=follower.carried.lies_on(at.arcs))
     target = Target(wanted, wanted_pull if wanted is None else None)
     if driven:
-        kept = follower.kept() if has_target else None
+        # a copy takes time, and a drive that has hardly moved strains no tendon
+        is_far = located is not None and abs(located) > LIMITS.usual_strain * at.arcs.total_length
+        kept = follower.kept() if has_target or is_far else None
         state = _taken(follower, before, at, read._replace(tension_in=pull, displacement_in=located))
         true = state.tension_in if located is None else None
         commander = _followed(commander, follower).driven(at, tension_in=true, displacement_in=located)
-        if not has_target:
-            return state, None, commander
         try:
+            if is_far:
+                rig = follower.carried.rig
+                warnings_of(None, strain_remarks(rig, at.arcs.total_length, state.tension_in))
+            if not has_target:
+                return state, None, commander
             by: Measured = "tension" if located is None else "displacement"
             return state, *_commanded(follower, commander, before, state, at, target, by)
         except TssgeomError:

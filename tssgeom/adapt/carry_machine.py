@@ -16,6 +16,8 @@ from tssgeom.adapt.machine_readings import MachineReadings
 from tssgeom.core.constants_tendon import BAR
 from tssgeom.errors import SettingsError, TssgeomError
 from tssgeom.mechanism import per_motor_angle
+from tssgeom.plausibility.frames import strain_remarks
+from tssgeom.plausibility.rules import warnings_of
 from tssgeom.rig import Rig
 from tssgeom.tendon.command_error import is_near, outside
 from tssgeom.tendon.machine import machine_of, routed
@@ -30,6 +32,7 @@ from tssgeom.tendon.machine_stream import (
     command_of,
     driven_by,
     first_tendon,
+    greatest_pull,
     held_drive,
 )
 
@@ -70,9 +73,11 @@ def moved(
     if brings_drive(measured, follower.rig):
         kept = follower.kept()
         moment = _taken(follower, before, MachineReadings(measured), at, None)
-        if target is None:
-            return moment
         try:
+            strained = strain_remarks(follower.rig, at.arcs.total_length, greatest_pull(moment.channels))
+            warnings_of(None, strained)
+            if target is None:
+                return moment
             command = _commanded(follower, commander, moment.state, measured, target, at, elapsed)
             return moment._replace(command=command)
         except TssgeomError:

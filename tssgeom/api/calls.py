@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from tssgeom import analysis
+from tssgeom.api.arguments import in_metres, require_no_unit, tension_of
 from tssgeom.errors import SettingsError
 from tssgeom.stream import Frame, FrameResult, Rejected
 
@@ -88,67 +89,24 @@ def analyse(
     >>> print(f"{result.profile.total_angle:.4f} rad, {result.transmission.tension_out:.3f} N")
     3.1416 rad, 9.512 N
     """
-    tension_in = _tension(tension_in)
+    tension_in = tension_of(tension_in)
     if isinstance(rig, str | Path):
         from tssgeom.rig import read_rig
 
         rig = read_rig(rig)
     if isinstance(points, Frame):
-        _require_no_unit(unit, "a Frame")
+        require_no_unit(unit, "a Frame")
         return analysis.analyse(points, rig, tension_in=tension_in, stations=stations)
     if not isinstance(points, str | Path):
         if unit not in (None, "m"):
-            points = cast("Points", _in_metres(points, unit))
-            stations = None if stations is None else _in_metres(stations, unit)
+            points = cast("Points", in_metres(points, unit))
+            stations = None if stations is None else in_metres(stations, unit)
         return analysis.analyse(points, rig, tension_in=tension_in, stations=stations)
     if stations is not None:
         raise SettingsError(f"{points}: stations belong to an array: give them as the column s_m of the file")
     from tssgeom.api.inputs import last_result, read
 
     return last_result(read(points, unit), rig, tension_in)
-
-
-def _tension(given: Any) -> float:
-    """Return a tension that is a number.
-
-    Raises
-    ------
-    SettingsError
-        Where it is a text or another object.
-    """
-    if isinstance(given, str | bytes):
-        raise SettingsError(f"tension_in is {given!r}: give a number in N")
-    try:
-        return float(given)
-    except (TypeError, ValueError) as error:
-        raise SettingsError(f"tension_in is {given!r}: give a number in N") from error
-
-
-def _in_metres(lengths: Any, unit: str | None) -> Any:
-    """Return an array in mm in metres.
-
-    Raises
-    ------
-    SettingsError
-        Where the unit is another one.
-    """
-    if unit != "mm":
-        raise SettingsError(f"unit is {unit!r}: give 'mm' or 'm'")
-    import numpy as np
-
-    return np.asarray(lengths, np.float64) / 1e3
-
-
-def _require_no_unit(unit: str | None, what: str) -> None:
-    """Refuse a unit beside what is in metres.
-
-    Raises
-    ------
-    SettingsError
-        Where one is given.
-    """
-    if unit is not None:
-        raise SettingsError(f"unit is {unit!r}, but {what} is in m: leave unit out")
 
 
 def analyse_all(
@@ -202,11 +160,11 @@ def analyse_all(
     from tssgeom.engine import recorded
     from tssgeom.io.formats.recording import Recording, in_order
 
-    tension_in = _tension(tension_in)
+    tension_in = tension_of(tension_in)
     if isinstance(frames, str | Path):
         frames = read(frames, unit)
     else:
-        _require_no_unit(unit, "a recording")
+        require_no_unit(unit, "a recording")
     of = frames if isinstance(frames, Recording) else None
     items = list(recorded(in_order(frames), rig_of(rig), tension_in=tension_in))
     results = tuple(each for each in items if isinstance(each, FrameResult))

@@ -11,10 +11,9 @@ import numpy as np
 
 from tssgeom.arrays import Points
 from tssgeom.effects import HiddenBend
-from tssgeom.errors import SettingsError
 from tssgeom.plausibility.kinds import Remark
 from tssgeom.plausibility.limits import LIMITS
-from tssgeom.plausibility.rules import remark
+from tssgeom.plausibility.rules import remark, warnings_of
 from tssgeom.rig import Rig, Sensor
 
 _DRIVE = "tension_in_N"
@@ -112,9 +111,7 @@ def require_command(rig: Rig, length: float, tension: float, displacement: float
     SettingsError
         Where a rule refuses it.
     """
-    for each in command_remarks(rig, length, tension, displacement):
-        if each.severity == "refuse":
-            raise SettingsError(each.text)
+    warnings_of(None, command_remarks(rig, length, tension, displacement))
 
 
 def rig_remarks(rig: Rig) -> Iterator[Remark]:

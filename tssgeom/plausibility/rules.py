@@ -20,18 +20,18 @@ def remark(rule: str, subject: Subject, measured: str) -> Remark:
     return Remark(rule, row.severity[subject], f"{measured}: {row.hint} [{rule}]")
 
 
-def warnings_of(where: object, remarks: Iterable[Remark]) -> list[str]:
+def warnings_of(where: object | None, remarks: Iterable[Remark]) -> list[str]:
     """Return the warnings among remarks, a line each.
 
     Raises
     ------
     SettingsError
-        Where one of them refuses; its message begins with `where`.
+        Where one of them refuses; its message begins with `where`, unless that is None.
     """
     listed = list(remarks)
     for each in listed:
         if each.severity == "refuse":
-            raise SettingsError(f"{where}: {each.text}")
+            raise SettingsError(each.text if where is None else f"{where}: {each.text}")
     return [each.text for each in listed]
 
 

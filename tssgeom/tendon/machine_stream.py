@@ -283,6 +283,11 @@ def first_tendon(
     return TendonState(along, route, history.time, ends.tension_out_se), ends
 
 
+def greatest_pull(channels: Mapping[str, float]) -> float:
+    """Return the greatest proximal tension among channels of a machine [N]."""
+    return max((value for name, value in channels.items() if name.startswith("tension_in")), default=0.0)
+
+
 def channels_of(rig: Rig) -> tuple[str, ...]:
     """Return the channels that a machine may compute, in the order of tables."""
     count, names = tendon_count(rig.drive, rig.end), list[str]()

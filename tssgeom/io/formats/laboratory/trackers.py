@@ -111,7 +111,7 @@ def _of_motive(path: Path, head: Sequence[list[str]], count: int) -> Export | No
 
 def _of_vicon(path: Path, head: Sequence[list[str]], count: int) -> Export:
     """Rows: the title, frames in a second, names over the first column of each marker, axes, units."""
-    (rate, *_), names, axes, units = head[1], *(_padded(row, count) for row in head[2:])
+    (rate, *_), names, axes, units = head[1], *(padded(row, count) for row in head[2:])
     for k in range(3, count):
         names[k] = names[k] or names[k - 1]
     export = _with_points(
@@ -176,7 +176,8 @@ def _with_points(count: int, taken: Sequence[tuple[str, str, int]], unit: str) -
     return export
 
 
-def _padded(row: Sequence[str], count: int) -> list[str]:
+def padded(row: Sequence[str], count: int) -> list[str]:
+    """Return a row of so many cells, empty ones at its end."""
     return [*row, *[""] * (count - len(row))][:count]
 
 
