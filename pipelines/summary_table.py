@@ -43,8 +43,8 @@ def print_summary(
     The first of the rejected inputs, each a source and a reason, are named below too. Of more than `most`
     inputs the first are listed: where a report has all of them.
 
-    A recording is reported by the range over its frames. The standard errors are those of one frame, at the
-    last of the highest peaks of T_in.
+    A recording is reported by the range over its frames, or by the middle of a range that is less than a
+    standard error. The standard errors are those of one frame, at the last of the highest peaks of T_in.
     """
     rows = every[:most]
     more = every[len(rows) :]
@@ -133,10 +133,13 @@ def _with_error(row: dict[str, Any], key: str, error: float, factor: float, digi
     from tssgeom.view.wording import decimals, plus_minus
 
     displayed = decimals(factor * error, digits)
-    return f"{_range(row, key, factor, displayed)} {plus_minus(factor * error, digits)}"
+    return f"{_range(row, key, factor, displayed, error)} {plus_minus(factor * error, digits)}"
 
 
-def _range(row: dict[str, Any], key: str, factor: float, digits: int) -> str:
+def _range(row: dict[str, Any], key: str, factor: float, digits: int, error: float = 0.0) -> str:
     quantity, _, unit = key.rpartition("_")
-    low, high = (f"{row[f'{quantity}_{end}_{unit}'] * factor:.{digits}f}" for end in ("min", "max"))
+    ends = row[f"{quantity}_min_{unit}"], row[f"{quantity}_max_{unit}"]
+    if ends[1] - ends[0] < error:
+        ends = (sum(ends) / 2,) * 2
+    low, high = (f"{end * factor:.{digits}f}" for end in ends)
     return low if low == high else f"{low}–{high}"

@@ -44,6 +44,18 @@ def test_tension_and_rig_are_the_user_s(run, half, tmp_path):
     assert output["elongation_m"] == pytest.approx(3.16e-4 * 8.0 * 0.5, rel=1e-6)
 
 
+def test_frames_that_differ_by_less_than_an_error_have_one_number_in_the_table(run, tmp_path):
+    header = ",".join(f"P{k}_{axis}_mm" for k in range(1, 21) for axis in "xyz")
+    noise = np.random.default_rng(3).normal(0.0, 0.2, (6, 60))
+    rest, bent = half_circle(count=20).ravel(), half_circle(count=23)[:20].ravel()
+    np.savetxt(tmp_path / "rest.csv", rest + noise, "%.4f", ",", header=header, comments="")
+    np.savetxt(tmp_path / "bent.csv", [rest, *(bent + noise)], "%.4f", ",", header=header, comments="")
+    lines = run("analyse", tmp_path / "rest.csv", tmp_path / "bent.csv", "--geometry-only").out.splitlines()
+    rest, bent = (next(line for line in lines if line.startswith(f" {name}")) for name in ("rest", "bent"))
+    assert re.search(r" 1[78]\d\.\d+ ± ", rest)
+    assert re.search(r" 1[56]\d\.\d+–1[78]\d\.\d+ ± ", bent)
+
+
 def test_the_table_has_the_numbers_and_the_tension_they_belong_to(run, half):
     outcome = run("analyse", half)
     assert "T_in = 15 N" in outcome.out
