@@ -16,6 +16,7 @@ import numpy as np
 from scipy.special import ndtr
 
 from tssgeom.arrays import Matrix, Vector
+from tssgeom.identify.machine_drive_errors import DriveErrors, drive_errors
 from tssgeom.identify.machine_problem import FIT, FitState, Problem
 
 
@@ -81,6 +82,8 @@ class Posterior:
     """The likeliest ones."""
     covariance: Matrix
     """By Gauss and Newton."""
+    errors: DriveErrors
+    """By the noise of what acts, and by all else."""
     quantile: float
     """Standard deviations of half a 95 % interval of a normal law [1]."""
     profiles: tuple[Profile, ...]
@@ -88,13 +91,18 @@ class Posterior:
     def of(self, share: Vector) -> tuple[float, float, float]:
         """Return standard deviation and 95 % interval of a sum of numbers, each times its share; (261)."""
         middle, across = float(share @ self.u), self.covariance @ share
+        of_drive = float(share @ self.errors.covariance @ share)
         sd, own = math.sqrt(max(float(share @ across), 1e-300)), np.sqrt(np.diag(self.covariance))
         strength = [abs(float(across[each.number])) / (sd * own[each.number]) for each in self.profiles]
         if max(strength, default=0.0) < POSTERIOR.follows:
+            sd = math.sqrt(max(float(share @ self.errors.other @ share) + of_drive, 1e-300))
             return sd, middle - self.quantile * sd, middle + self.quantile * sd
         best = int(np.argmax(strength))
         weight, centres = self.profiles[best].weight, self.profiles[best].u @ share
-        beside = sd * math.sqrt(max(1.0 - strength[best] ** 2, 1e-4))
+        narrower = math.sqrt(max(float(share @ self.errors.other @ share), 0.0)) / sd
+        centres = middle + narrower * (centres - middle)
+        inside = narrower * sd * math.sqrt(max(1.0 - strength[best] ** 2, 1e-4))
+        beside = math.hypot(inside, math.sqrt(of_drive))
         spread = math.hypot(beside, math.sqrt(float(weight @ (centres - weight @ centres) ** 2)))
         low, high = (_quantile(centres, beside, weight, sign * self.quantile) for sign in (-1.0, 1.0))
         return spread, min(low, middle), max(high, middle)
@@ -114,6 +122,7 @@ def posterior_of(problem: Problem, state: FitState, quantile: float) -> tuple[Pr
     """Return the posterior about a fit, and the fit at its likeliest numbers."""
     slope = state.slope(problem)
     covariance = np.asarray(np.linalg.inv(slope.T @ slope + np.eye(len(state.u))), dtype=np.float64)
+    errors = drive_errors(problem, state, slope, covariance)
     fine = replace(problem, bars=FIT.fine, too_few_bars=())
     made = (_Along(fine, state, slope, covariance, j).profile() for j in _wide(problem, covariance))
     profiles = tuple(each for each in made if each is not None)
@@ -126,7 +135,7 @@ def posterior_of(problem: Problem, state: FitState, quantile: float) -> tuple[Pr
                 fine,
                 replace(state, u=u, channels=channels, left=fine.left(channels), beside=None),
             )
-    return problem, state, Posterior(state.u, covariance, quantile, profiles)
+    return problem, state, Posterior(state.u, covariance, errors, quantile, profiles)
 
 
 def _wide(problem: Problem, covariance: Matrix) -> Iterator[int]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from tssgeom.arrays import Vector
 from tssgeom.errors import FitError, SettingsError
-from tssgeom.identify.drive import calmed
+from tssgeom.identify.machine_drive_noise import NoisyInputs, is_noisy, noisy_inputs, with_turns_between
 from tssgeom.identify.readings import READING, with_added
 from tssgeom.identify.turning import Legs, legs, with_turns
 from tssgeom.mechanism import numbered, tendon_count
@@ -19,7 +19,7 @@ from tssgeom.plausibility.rules import warnings_of
 from tssgeom.plausibility.series import Series
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
-from tssgeom.statistics import reading_noise, root_mean_square, turns
+from tssgeom.statistics import turns
 from tssgeom.tendon.machine import Machine, Start, machine_of, routed
 from tssgeom.tendon.machine_history import DriveName
 from tssgeom.tendon.machine_simulation import drive_channels, drive_of, simulate_machine, with_torque
@@ -37,9 +37,6 @@ class MachineRunLimits:
     """Of the range of the drive: going back by more ends a cycle [1]; chosen."""
     most_turns: int = 12
     """Turns of a tension that drives whose level is fitted; chosen."""
-    lost: float = 1.2
-    """What calming takes from a channel that acts, over its noise, up to which it is noise [1]; chosen: a
-    swing as large as the noise makes it 1.2."""
     zero: float = 0.3
     """Standard deviation of the zero of a channel, of its range [1]; chosen."""
 
@@ -62,6 +59,8 @@ class MachineRun:
     drive: DriveName
     end_given: bool
     tendons: int
+    inputs: NoisyInputs
+    """What acts and is noisy."""
     legs: Legs | None = None
     """The drive of one tendon by its tension, whose turns have levels of their own; (70), (71)."""
     notes: tuple[str, ...] = ()
@@ -109,21 +108,19 @@ def machine_run(
             f"{name}: {len(rows)} samples with {given_names[1]}: give {LIMITS.least_samples} or more"
         )
     most = most or LIMITS.most_samples
-    if drive != "tension_in":
-        columns = _without_noise(columns, rows, given_names[1:])
-    elif len(given_names) > 1 + count:
-        columns = _without_noise(columns, rows, given_names[1 + count :])
-    motion = columns[given_names[1]][rows]
-    edges = turns(motion, LIMITS.turn * float(np.ptp(motion)))
-    rows = rows[_thinned(len(rows), edges, most)]
-    given = {each: np.ascontiguousarray(columns[each][rows]) for each in given_names}
-    made = None
-    if drive == "tension_in":
-        channels = [given[channel] for channel in drive_channels(drive, count)]
-        of_each = [legs(readings, given["time_s"]) for readings in channels]
-        for channel, each in zip(drive_channels(drive, count), of_each, strict=True):
-            given[channel] = each.values
-        made = of_each[0] if count == 1 else None
+    pulled = drive_channels(drive, count) if drive == "tension_in" else ()
+    noisy = noisy_inputs(columns, rows, [each for each in given_names[1:] if each not in pulled])
+    given = {each: noisy.readings.get(each, columns[each][rows]) for each in given_names}
+    motion = given[given_names[1]]
+    kept = _thinned(len(rows), turns(motion, LIMITS.turn * float(np.ptp(motion))), most)
+    rows, given = rows[kept], {each: np.ascontiguousarray(values[kept]) for each, values in given.items()}
+    pulls = {each: legs(given[each], given["time_s"]) for each in pulled}
+    given |= {each: made.values for each, made in pulls.items()}
+    noisy = noisy._replace(
+        kept=kept,
+        at=np.arange(len(kept)),
+        pulls={each: made for each, made in pulls.items() if is_noisy(made.values, made.noise)},
+    )
     answers = {
         each: columns[each][rows]
         for each in answering(rig, count)
@@ -141,29 +138,11 @@ def machine_run(
         if each not in (*given_names, *answers, "temperature_C", "motor_current_A")
     )
     run = MachineRun(
-        name, given, answers, held_out, tuple(routes), drive, end_given, count, notes=(*notes, *signs)
+        *(name, given, answers, held_out, tuple(routes), drive, end_given, count, noisy),
+        notes=(*notes, *signs),
     )
     run = with_drive_known(run, rig.drive.lag_s)
-    return run if made is None else _with_turns_between(run, made)
-
-
-def _without_noise(
-    columns: Mapping[str, Vector], rows: np.ndarray, channels: Sequence[str]
-) -> Mapping[str, Vector]:
-    """Return columns with the channels that act calmed; docs/model.md (66), (262).
-
-    Friction keeps the farthest readings, a turn that is thinned that of many, and what answers to noise is
-    taken for softness. A motion that is small beside its noise, and would be lost, stays as it was read.
-    """
-    calm = dict(columns)
-    for channel in channels:
-        readings = columns[channel][rows]
-        noise = reading_noise(readings)
-        quiet = calmed(readings, noise, columns["time_s"][rows])
-        if root_mean_square(readings - quiet) <= LIMITS.lost * noise:
-            calm[channel] = columns[channel].copy()
-            calm[channel][rows] = quiet
-    return calm
+    return _with_turns_between(run, pulls[pulled[0]]) if pulled and count == 1 else run
 
 
 def with_drive_known(run: MachineRun, lag: float) -> MachineRun:
@@ -179,9 +158,7 @@ def _with_turns_between(run: MachineRun, made: Legs) -> MachineRun:
     at, samples = made.turns, len(run.held_out)
     added = np.zeros(samples + len(at), dtype=bool)
     added[at + np.arange(len(at))] = True
-    given = {
-        name: np.insert(values, at, 0.5 * (values[at - 1] + values[at])) for name, values in run.given.items()
-    }
+    given = {name: with_turns_between(values, at) for name, values in run.given.items()}
     given[drive_channels(run.drive, 1)[0]] = with_turns(made, np.zeros(len(at)))
     measured = {name: with_added(values, added) for name, values in run.measured.items()}
     held_out = np.insert(run.held_out, at, False)
@@ -213,7 +190,8 @@ def thinned(run: MachineRun, most: int) -> MachineRun:
     at = _thinned(len(motion), turns(motion, LIMITS.turn * float(np.ptp(motion))), most)
     given = {name: np.ascontiguousarray(values[at]) for name, values in run.given.items()}
     measured = {name: values[at] for name, values in run.measured.items()}
-    return replace(run, given=given, measured=measured, held_out=run.held_out[at])
+    noisy = run.inputs._replace(at=run.inputs.at[at])
+    return replace(run, given=given, measured=measured, held_out=run.held_out[at], inputs=noisy)
 
 
 def _thinned(samples: int, edges: np.ndarray, most: int) -> np.ndarray:
