@@ -31,7 +31,7 @@ import numpy as np
 import rerun as rr
 
 from benchmarks import ABSENT, machine, number, options_parser, table
-from tests.live_process import ROUTES, lines, live, points_mm
+from tests.live_process import ROUTES, line, lines, live, points_mm
 from tssgeom.core.build import compiler
 from tssgeom.engine import process
 from tssgeom.rig import Rig
@@ -48,6 +48,11 @@ _FLOOD, _QUICK_FLOOD = 20_000, 2000  # frames, one after the other
 _BRIEF = 20_000  # frames of all other runs than that of seven pieces with `--view --record`
 _HERE = "tcp://127.0.0.1:0"
 _TARGETS = "targets: p50 ≤ 0.5, p99 ≤ 1, p99.9 ≤ 3 ms at 1000 frames/s, N = 200"
+_FOLLOWED_RATE = 200.0  # Hz
+_FOLLOWED_TARGETS = "targets: p50 ≤ 1, p99 ≤ 2 ms"
+_FOLLOWED_CYCLE = 6.0  # s, after which sway and pull of `points_mm` are as at first
+_SENSORS = {"tension_in_N": 0.02, "displacement_in_m": 1e-5}
+"""Noise of each reading of the followed rig."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -57,6 +62,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     print(machine())
     print(f"\n== latency [ms], {options.points} points, {options.rate:g} frames/s ({_TARGETS})\n")
     print(_latency_table(options), flush=True)
+    print(f"\n== a rig that is followed, {_FOLLOWED_RATE:g} frames/s ({_FOLLOWED_TARGETS})\n")
+    print(_followed_table(options), flush=True)
     print("\n== pictures\n")
     print(_picture_table(options.frames or (200 if options.quick else 2000), markdown=options.markdown))
     print(f"\n{time.perf_counter() - begin:.0f} s; load {os.getloadavg()[0]:.1f} at the end")
@@ -94,9 +101,57 @@ def _latency_table(options: argparse.Namespace) -> str:
                     result = measured(program, ports, frames, 0.0, flood)
                     rows.append(_row(f"{name}, one after the other", route, result, result.outside, ""))
                     stream.stop()
-    counts = ["run", "route", "frames", "answered/s", "dropped", "sent late"]
-    header = [*counts, "p50", "p90", "p99", "p99.9", "max", "memory [MiB]"]
-    return table(header, rows, text_columns=2, markdown=options.markdown)
+    return table(_HEADER, rows, text_columns=2, markdown=options.markdown)
+
+
+_HEADER = (
+    *("run", "route", "frames", "answered/s", "dropped", "sent late"),
+    *("p50", "p90", "p99", "p99.9", "max", "memory [MiB]"),
+)
+
+
+def _followed_table(options: argparse.Namespace) -> str:
+    """Measure `live --adapt` with tension and position of the drive."""
+    count = int(_FOLLOWED_RATE * (20.0 if options.quick else 300.0))
+    rows = list[list[str]]()
+    with tempfile.TemporaryDirectory() as folder:
+        program = compiled_client(Path(folder))
+        rig = Path(folder) / "rig.toml"
+        sensors = (f"[sensors.{channel}]\nnoise = {noise}\n" for channel, noise in _SENSORS.items())
+        rig.write_text("".join(sensors))
+        for route in ROUTES:
+            frames = _driven(options.points, route)
+            with live("--source", _HERE, "--sink", _HERE, "--adapt", "--rig", rig) as stream:
+                memory = stream.memory()
+                ports = (stream.port("source", "tcp"), stream.port("sink", "tcp"))
+                result = measured(program, ports, frames, _FOLLOWED_RATE, count)
+                rows.append(
+                    _row("--adapt", route, result, result.outside, f"{stream.memory() - memory:+.1f}")
+                )
+                rows.append(_row("--adapt, by the stream itself", route, result, result.inside, ""))
+                stream.stop()
+    return table(_HEADER, rows, text_columns=2, markdown=options.markdown)
+
+
+def _driven(points: int, route: str) -> list[bytes]:
+    """Return frames of a sway and pull, with noisy readings of the drive that this project's model gives.
+
+    They are those of the second cycle, after which the tendon is as it was before.
+    """
+    count = round(_FOLLOWED_CYCLE * _FOLLOWED_RATE)
+    times = np.arange(2 * count) / _FOLLOWED_RATE
+    exact = (
+        Frame(1e-3 * points_mm(points, time, noise=0.0, route=route), time, tension_in=pull)
+        for time, pull in zip(times, 8.0 + 4.0 * np.sin(2 * np.pi * times / 3.0), strict=True)
+    )
+    under = process(exact, Rig(), tension_in=8.0)
+    results = [one.transmission for one in under if isinstance(one, FrameResult)][count:]
+    drives = np.array([(one.tension_in, one.displacement_in) for one in results])
+    drives += np.random.default_rng(0).standard_normal(drives.shape) * list(_SENSORS.values())
+    return [
+        line(points_mm(points, time, i, route=route), time, **dict(zip(_SENSORS, drive, strict=True)))
+        for i, (time, drive) in enumerate(zip(times[:count].tolist(), drives.tolist(), strict=True))
+    ]
 
 
 def _row(name: str, route: str, result: Latencies, latencies: np.ndarray, grown: str) -> list[str]:

@@ -38,9 +38,9 @@ class LiveLimits:
     latest_start: float = 1e11
     """Greatest time at which a tendon's clock begins [s]; chosen: beyond it a clock of today is in another
     unit, and the time between frames is rounded to 15 µs."""
-    no_sleep_interval: float = 2e-3
-    """Time between frames up to which the next one is awaited without sleep [s].
-    Measured: waking takes 0.1 ms, a twentieth of it."""
+    no_sleep_interval: float = 0.011
+    """Time between frames up to which the next one is awaited without sleep [s]; chosen: 100 a second are.
+    Measured: at 200 a second the answer to 200 points takes 0.8 ms, and 1.6 ms after a sleep."""
     smoothed_frames: int = 16
     """Frames over which that time is averaged [1]; chosen: one late frame changes nothing."""
     last_flush: float = 1.0

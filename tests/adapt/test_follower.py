@@ -9,6 +9,7 @@ from tests.adapt.rigs import errors, followed, rig_of
 from tests.twins import scenarios
 from tssgeom.adapt.followed_tendon import FollowedTendon
 from tssgeom.adapt.follower import Follower
+from tssgeom.adapt.readings import Readings
 from tssgeom.adapt.saved import filter_object, filter_of
 from tssgeom.rig import GivenRoute, Rig
 from tssgeom.route.pieces import Arcs
@@ -151,3 +152,19 @@ def test_a_zero_that_drifts_is_followed_whether_the_rig_names_it_or_not():
     assert follower.filter is not None
     at = follower.filter.keys.index("tension_out_offset.offset_N")
     assert follower.filter.values[at] == pytest.approx(scenario.truth["zero_tension_out_N"][24999], abs=0.03)
+
+
+@pytest.mark.parametrize("begin", [1733, 2511, 4120])
+def test_a_stream_may_begin_with_a_tendon_that_was_pulled_and_released(begin):
+    scenario = scenarios.sound(2, 0.02)
+    rig, arcs = rig_of(scenario), Arcs.exact(scenario.machine.lengths_m, scenario.machine.angles_rad)
+    follower, known = Follower(rig), None
+    for i in range(begin, begin + 1000):
+        read = {name: float(values[i]) for name, values in scenario.readings.items()}
+        readings = Readings(read["tension_in_N"], read["displacement_in_m"], None)
+        known = follower.take(arcs, readings, float(scenario.times[i]))
+        follower.work()
+        assert follower.alert is None
+    assert known is not None
+    off = known.values[0] - scenario.machine.friction
+    assert abs(off) < min(4.0 * known.se[0], 0.1 * scenario.machine.friction)  # as if pulled once, a third

@@ -58,6 +58,7 @@ class OfTendon:
         if before is not None:
             for one in (now.now, now.kept):
                 one.memory[:], one.position[:] = before[0].block, before[1]
+            now.is_history_known = True
         return now
 
     def usable(self, readings: Any, muted: set[str]) -> Any:
