@@ -48,6 +48,17 @@ def test_drifting_friction_of_a_machine_is_followed_within_its_bars(kind, second
     assert follower.alert is None
 
 
+def test_a_stream_may_begin_with_a_machine_that_was_moved_before():
+    scenario = pair(2, 13.0)
+    arcs, follower, known = arcs_of(scenario.machine), Follower(rig_of(scenario.machine)), None
+    for i in range(500, 601):  # 2 s
+        known = follower.take(arcs, readings(scenario, i), float(scenario.times[i]))
+    assert known is not None
+    assert known.values[0] == pytest.approx(
+        scenario.machine.friction, rel=0.05
+    )  # as if pulled once, 46 % less
+
+
 def test_members_are_the_machine_without_noise():
     scenario = pair(2, 20.0, changes=())
     rig = msgspec.structs.replace(

@@ -78,6 +78,8 @@ class Ensemble(Members):
         variances = {name: noise_variance(rig.sensors.get(name)) for name in (*channels, *drives)}
         self._noise_variance = np.maximum([variances[one] for one in channels], SETTINGS.least_noise**2)
         self.trackers = {name: TrailedDrive(math.sqrt(variances[name])) for name in drives}
+        self.is_history_known = False
+        """Whether the tendons' history before the first frame is that of the members."""
         self.muted = set[str]()
         """Channels whose readings are not used."""
         self.outlier = CHANCE.never
@@ -116,6 +118,8 @@ class Ensemble(Members):
         self._drift(SETTINGS.first_span if math.isnan(passed) else passed, self._driving)
         at, driven = self._used(at)
         drives = self._driving
+        if math.isnan(self.time) and not (self.is_history_known or at.readings.commanded):
+            self._arrive(driven, at)
         exact = at.readings.commanded or not any(one.noise for one in drives)
         if exact:
             for one, value in zip(drives, driven, strict=True):
@@ -153,6 +157,24 @@ class Ensemble(Members):
         elif any(one.needs_commit() for one in drives):
             self._follow([None] * len(drives), at)
         return self._result(taken)
+
+    def _arrive(self, driven: Sequence[float], at: Moment) -> None:
+        """Let each member come to the first frame from rest by turns of its own; docs/model.md (274)."""
+        count, drives = len(self.members), len(driven)
+        noise = np.array([one.noise for one in self._driving])
+        further = np.array(driven) - self._at_rest()
+        further[np.abs(further) <= CHANCE.never * noise] = 0.0
+        if not further.any():
+            return
+        up, down = further * np.maximum(self.random.uniform(-1.0, 1.0, (2, count, 1)), 0.0) ** 3  # (274)
+        there = driven + TRAIL.turn_error * noise * self.random.standard_normal((count, drives))
+        begun, rows = self.kept, _with_probes(count, 0)
+        try:
+            for read in (driven + up, driven - down, there):
+                begun = self._stepped(begun, rows, read, at, SETTINGS.first_span, 0.0).standing
+        except FitError:  # a machine that does not go so far
+            return
+        self.kept, self.committed = begun, there
 
     @property
     def _driving(self) -> list[TrailedDrive]:
@@ -226,6 +248,10 @@ class Ensemble(Members):
             taken.compared.beyond,
             read,
         )
+
+    @abstractmethod
+    def _at_rest(self) -> Vector:
+        """Return what the drives read at rest [drives], in their unit."""
 
     @abstractmethod
     def _used(self, at: Moment) -> tuple[Moment, list[float]]:

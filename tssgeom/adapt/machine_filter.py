@@ -75,7 +75,7 @@ class MachineFilter(Ensemble):
         for one in (self.kept, self.now):
             one.memory[:], one.coordinate[:] = history.state.memory.ravel(), history.state.coordinate
             self.sensors.with_block(one.block).begin(motor, joint, history.lags)
-        self.recent = history.recent
+        self.recent, self.is_history_known = history.recent, True
 
     @property
     def machine(self) -> Machine:
@@ -101,6 +101,10 @@ class MachineFilter(Ensemble):
         at, rows = Moment(self.time, self.cut, MachineReadings(values)), np.arange(count)
         joint = self._stepped(self.now, rows, read, at, span, 0.0).standing.coordinate[:, 0]
         return float(joint.mean()), float(joint.std(ddof=1))
+
+    def _at_rest(self) -> Vector:
+        by_force = self.drives[0].startswith("tension_in")
+        return held_tensions(self.machine)[:, 0] if by_force else np.zeros(len(self.drives))
 
     def _used(self, at: Moment) -> tuple[Moment, list[float]]:
         values = self._with_torque(at.readings.values)

@@ -11,11 +11,10 @@ from tssgeom import core
 from tssgeom.adapt.ensemble import Ensemble
 from tssgeom.adapt.followed import FollowedNumber, straight_lines
 from tssgeom.adapt.members import SETTINGS, Rows, Standing
-from tssgeom.adapt.readings import CHANNELS, FollowedRig, Moment, Readings, mean_and_sd
+from tssgeom.adapt.readings import CHANNELS, Moment, Readings, mean_and_sd
 from tssgeom.adapt.stepped import Stepped
-from tssgeom.adapt.trailed_drive import TRAIL, TrailedDrive
+from tssgeom.adapt.trailed_drive import TrailedDrive
 from tssgeom.arrays import Matrix, Vector
-from tssgeom.core.constants import CHANCE
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.bars.contact_grid import bends_of, edges
@@ -59,26 +58,8 @@ class RigFilter(Ensemble):
         self.stand(Standing(np.tile(rest.block, (count, 1)), none, none, np.zeros(count), False, math.nan))
         self.is_history_known = memory is not None
 
-    def step(self, at: Moment) -> FollowedRig:
-        """Move the drive of all members, and shift them by what was read; see `Ensemble.step`."""
-        if math.isnan(self.time) and not (self.is_history_known or at.readings.commanded):
-            self._arrive(at)
-        return super().step(at)
-
-    def _arrive(self, at: Moment) -> None:
-        """Let each member come to the first frame from its rest by turns of its own; docs/model.md (274)."""
-        at, (drive,) = self._used(at)
-        rest = self.rig.tendon.pretension_N if at.readings.by_force else 0.0
-        noise = self.trackers[self.drives[0]].noise
-        if drive - rest <= CHANCE.never * noise:
-            return
-        count, further = len(self.members), drive - rest
-        up, down = further * np.maximum(self.random.uniform(-1.0, 1.0, (2, count)), 0.0) ** 3  # (274)
-        there = drive + TRAIL.turn_error * noise * self.random.standard_normal(count)
-        rows, span = np.arange(count), SETTINGS.first_span
-        for read in (drive + up, drive - down, there):
-            self.kept = self._stepped(self.kept, rows, read[:, None], at, span, 0.0).standing
-        self.committed[:, 0] = there
+    def _at_rest(self) -> Vector:
+        return np.array([self.rig.tendon.pretension_N if self.drives == DRIVES[1:] else 0.0])
 
     def ends_after(
         self, arcs: Arcs, span: float, *, displacement_in: float | None, tension_in: float = 0.0
