@@ -10,10 +10,11 @@ import os
 import sys
 from collections.abc import Callable, Sequence
 from importlib import import_module
+from itertools import pairwise
 from typing import Annotated, Any
 
 import typer
-from typer.core import TyperGroup
+from typer.core import TyperCommand, TyperGroup
 
 from pipelines import tssgeom_version
 from pipelines.interruption import interruptible
@@ -48,6 +49,18 @@ def command(name: str) -> Callable[..., None]:
     return getattr(import_module(f"pipelines.{name}"), name)
 
 
+class _Command(TyperCommand):
+    """A command in which no option is the value of the option before it."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        names = {name: of for of in self.get_params(ctx) for name in (*of.opts, *of.secondary_opts)}
+        given = args[: args.index("--")] if "--" in args else args
+        for name, value in pairwise(given):
+            if name in names and not getattr(names[name], "is_flag", True) and value in names:
+                raise typer.TyperException(f"{name} has no value: {value} follows it")
+        return super().parse_args(ctx, args)
+
+
 class _Commands(TyperGroup):
     """The commands, each imported and built when it is called: `--help` builds none of them."""
 
@@ -58,7 +71,7 @@ class _Commands(TyperGroup):
         for name in (cmd_name,) if cmd_name in COMMANDS else COMMANDS:  # a misspelt one is compared with all
             if name not in self.commands:
                 single = typer.Typer(add_completion=False, rich_markup_mode=None, context_settings=_HELP)
-                single.command(name)(command(name))
+                single.command(name, cls=_Command)(command(name))
                 self.commands[name] = typer.main.get_command(single)
         return self.commands.get(cmd_name)
 

@@ -147,6 +147,12 @@ def out_of_memory(error: Exception) -> SettingsError:
     return SettingsError(f"{first_line(error)}: check the free memory, its limits, and the installation")
 
 
+def broken_state(error: Exception) -> SettingsError:
+    """Return the error of a saved state that cannot be read; a KeyError states but a name."""
+    fault = f"it has no {error.args[0]!r}" if isinstance(error, KeyError) else first_line(error)
+    return SettingsError(f"the saved state is broken ({fault}): remove it and start anew")
+
+
 def first_line(error: Exception) -> str:
     """Return the first line of the text of an error, or the name of its kind where it has none."""
     return " ".join(str(error).partition("\n")[0].split()) or type(error).__name__

@@ -104,6 +104,7 @@ def test_help_of_analyse_has_the_default_tension(run):
         (["analyse", "a.csv", "--no-such-option"], "--no-such-option"),
         (["analyse", "a.csv", "--rig", "missing.toml"], "missing.toml: cannot read the rig file"),
         (["analyse", "a.csv", "--tube-mm", "-1"], "--tube-mm is -1 mm"),
+        (["analyse", "a.csv", "--figures", "--out", "o"], "--figures has no value: --out follows it"),
         (["analyse", "missing.csv"], "missing.csv: no such file: check the path"),
         (["batch", "a.csv"], "--out"),
         (["check", "missing.csv"], "missing.csv: no such file"),

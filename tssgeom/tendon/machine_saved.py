@@ -8,7 +8,7 @@ from typing import Any, get_args
 import numpy as np
 
 from tssgeom.core.constants_tendon_rows import HELD, MEMORY
-from tssgeom.errors import SettingsError
+from tssgeom.errors import SettingsError, broken_state
 from tssgeom.mechanism import coordinates
 from tssgeom.rig import Rig
 from tssgeom.tendon.bars.plant import Memory
@@ -59,7 +59,7 @@ def machine_from(saved: Mapping[str, Any]) -> CarriedMachine:
             return CarriedMachine(way=saved["way"])
         route, history = route_of(saved["route"]), _history(saved["history"])
     except (LookupError, TypeError, ValueError, AttributeError, OverflowError) as error:
-        raise SettingsError(f"the saved state is broken ({error!r}): remove it and start anew") from error
+        raise broken_state(error) from error
     return CarriedMachine(None, route, history, saved["way"])
 
 

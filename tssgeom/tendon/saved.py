@@ -11,7 +11,7 @@ import numpy as np
 
 from tssgeom.arrays import read_only
 from tssgeom.core.constants_tendon_rows import HELD
-from tssgeom.errors import SettingsError
+from tssgeom.errors import SettingsError, broken_state
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.bars.bar_state import BarState
 from tssgeom.tendon.bars.plant import Memory, memory_of
@@ -75,7 +75,7 @@ def state_of(saved: Mapping[str, Any]) -> TendonState:
         require(0.0 <= error <= _MOST, "tension_out_se")
         return TendonState(along, route, _time(saved["time"]), error)
     except (LookupError, TypeError, ValueError, AttributeError, OverflowError) as error:
-        raise SettingsError(f"the saved state is broken ({error!r}): remove it and start anew") from error
+        raise broken_state(error) from error
 
 
 def route_object(route: Arcs) -> dict[str, Any]:

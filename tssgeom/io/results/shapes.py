@@ -58,7 +58,7 @@ def _shortened(counts: Counter[str], frames: int) -> list[str]:
         return list(counts)
     frequent = [f"{text} ({count} of {frames} frames)" for text, count in counts.most_common(_MOST_WARNINGS)]
     more = len(counts) - len(frequent)
-    return [*frequent, f"{more} other warnings"] if more > 0 else frequent
+    return [*frequent, f"{more} other warning{'s' * (more > 1)}"] if more > 0 else frequent
 
 
 def shape_summary(name: str, result: FrameResult, notes: Iterable[str] = ()) -> dict[str, Any]:

@@ -254,7 +254,8 @@ def _paragraph(text: str) -> str:
 def _warnings(entry: ReportEntry) -> list[str]:
     lines = [f"⚠ {text}{_share(entry, count)}" for text, count in entry.warnings[:_MOST_WARNINGS]]
     if len(entry.warnings) > _MOST_WARNINGS:
-        lines.append(f"⚠ and {len(entry.warnings) - _MOST_WARNINGS} other warnings in single frames")
+        more = len(entry.warnings) - _MOST_WARNINGS
+        lines.append(f"⚠ and {more} other warning{'s' * (more > 1)} in single frames")
     return [f'<p class="warning">{html.escape(line)}</p>' for line in lines]
 
 
