@@ -185,10 +185,69 @@ def test_what_points_show_of_the_form_of_a_bend_is_certain():
     bend = np.zeros((48, 2, 64))
     bend[:, 0] = 6.0 * np.sin(2.0 * np.pi * cells())[:, None]
     rng = np.random.default_rng(0)
-    assert form_of(wave.half_waves, bend, 40, 1e-6, rng) == pytest.approx(1.0)
+    sines, chords = np.full(64, 1.0), np.full(64, math.pi / 4.0)  # a point at each bend
+    known = form_of(wave.half_waves, bend, 40, 1e-6, rng)
+    assert known.turn(sines, chords) == pytest.approx(1.0)
     hidden, few = (form_of(wave.half_waves, bend, *one, rng) for one in ((40, 0.02), (5, 1e-6)))
     for form in (hidden, few):
-        assert set(np.round(form, 3)) == {0.785, 1.0, 1.234}
+        assert set(np.round(form.turn(sines, chords), 3)) == {0.785, 1.0, 1.234}
+    assert set(np.round(hidden.turn(sines, sines), 3)) == {0.785, 1.0, 1.234}
+
+
+def test_accurate_points_hide_only_what_a_bend_turns_between_them():
+    wave = oscillations(5)[0]
+    bend = np.zeros((48, 2, 64))
+    bend[:, 0] = 6.0 * np.sin(2.0 * np.pi * cells())[:, None]
+    few = form_of(wave.half_waves, bend, 5, 1e-6, np.random.default_rng(0))
+    sines, chords = np.full(64, 1.0), np.full(64, 0.95)
+    assert few.turn(sines, chords).min() == pytest.approx(0.95)
+    assert few.turn(sines, chords).max() < 1.06
+    assert few.turn(sines, sines) == pytest.approx(1.0)
+
+
+def test_how_often_a_route_bends_is_not_a_matter_of_its_points():
+    for points in (8, 24, 40):
+        every = oscillations(points)
+        assert np.exp([one.log_share for one in every]).sum() == pytest.approx(1.0)
+        for one in every:
+            if one.half_waves > 20.0:
+                assert one.log_share < -2.0
+    assert oscillations(24)[-1].log_share < -4.5
+
+
+LONG = chain(
+    np.array([0.10, 0.16, 0.18, 0.12, 0.30, 0.14, 0.30, 0.10, 0.10]),
+    np.array([1.0, 9.0, 3.0, 11.0, 0.6, 10.0, 1.5, 12.0, 0.0]),
+    np.radians([0.0, 20.0, 150.0, 230.0, 60.0, 320.0, 200.0, 90.0, 0.0]),
+)
+SHORT = chain(
+    np.array([0.18, 0.12, 0.10, 0.14, 0.06, 0.10]),
+    np.array([0.0, 6.5, 0.0, 4.0, 0.0, 9.0]),
+    np.radians([0.0, 0.0, 0.0, 110.0, 0.0, 200.0]),
+)
+
+
+@pytest.mark.parametrize(
+    ("course", "n", "noise", "greatest"), [(LONG, 24, 2.5e-4, 80.0), (SHORT, 12, 3e-4, 38.0)]
+)
+@pytest.mark.parametrize("stated", [False, True])
+def test_few_accurate_points_on_a_long_route_give_an_error_bar_of_use(course, n, noise, greatest, stated):
+    off, error = list[float](), list[float]()
+    for trial in range(12):
+        rng = np.random.default_rng([n, trial])
+        route = measure(clean(sensed(course, n, noise, rng)), noise if stated else None).arcs
+        off.append((route.total_angle - course.total_angle) / route.total_angle_se)
+        error.append(route.total_angle_se)
+    assert np.max(np.abs(off)) < 2.5
+    assert np.degrees(np.median(error)) < greatest
+
+
+def test_a_smooth_route_of_many_bends_has_evidence_where_its_noise_is_known():
+    x = np.linspace(0.0, 1.0, 24)
+    points = np.column_stack((x, 0.06 * np.sin(6.0 * np.pi * x), 0.06 * np.cos(3.0 * np.pi * x)))
+    points += 2e-4 * np.random.default_rng(3).standard_normal(points.shape)
+    at_points, walk, _, smooth = turned_between(points, smooth_fit(points, 2e-4), 2e-4)
+    assert smooth.log_evidence > max(walk.log_evidence, at_points.log_evidence) - 60.0
 
 
 def test_a_sine_turns_less_than_arcs_with_its_first_harmonic_and_more_than_turns_at_points():

@@ -19,8 +19,15 @@ class Oscillation:
     """Which waves of the curvature are tried."""
 
     lengths: int = 6
-    """Wave lengths from two half waves over the route to two from point to point, each as likely. Chosen: a
-    factor of 2.1 apart at most."""
+    """Wave lengths from two half waves over the route to two from point to point. Chosen: a factor of 2.1
+    apart at most."""
+    typical: float = 6.0
+    """Half waves over a route [1]. Chosen: routes of tendons have two to twelve bends."""
+    decades: float = 0.3
+    """Standard deviation of their logarithm [decades]. Chosen: 1.5 to 24 in nineteen of twenty routes."""
+    sharper: float = 1e3
+    """Intensity of the rate of the curvature over that of the curvature [1]. Derived: waves of a fifth of the
+    route."""
     coherent: float = 2.0
     """Waves over which amplitude and phase are alike [1]. Chosen: arcs that alternate differ in size."""
 
@@ -31,11 +38,27 @@ _MOST = 2.0  # half waves from point to point, where a route may bend to one sid
 _FORMS = (math.pi / 4.0, 1.0, math.pi**2 / 8.0)
 """Turn of bends that alternate over that of a sine of the same first harmonic, each as likely: at points
 alone, a sine, arcs [1]; docs/model.md (254)."""
+_BETWEEN = 4.0 / (4.0 - math.pi)
+"""What a sine turns, over what it turns more than its chords from bend to bend [1]."""
 _THIRD = 1.0 / 27.0
 """Third harmonic of the route over the first one, where arcs alternate [1]: 1/3 in curvature, with a ninth of
 the displacement."""
 
 _SURE = 30.0  # a harmonic over its error, above which no other form has any probability
+
+
+class Form(NamedTuple):
+    """What bends turn beside sines of the same first harmonic; docs/model.md (254), (271)."""
+
+    ratio: Vector
+    """Turn over that of sines [draws]."""
+    between: Vector
+    """Turn beyond that of the chords between points, over that of sines [draws]."""
+
+    def turn(self, of_sines: Vector, of_chords: Vector) -> Vector:
+        """Return what bends turn [rad] where sines, and the chords from point to point, turn so much."""
+        hidden = np.maximum(of_sines - of_chords, 0.0)
+        return self.ratio * of_sines + (self.between - 1.0) * hidden
 
 
 class Prior(NamedTuple):
@@ -47,6 +70,8 @@ class Prior(NamedTuple):
     """Curvature by those whose size is known beforehand [cells, f]."""
     half_waves: float = 0.0
     """Half waves over the route, 0 where it does not oscillate."""
+    log_share: float = 0.0
+    """ln of its probability beforehand among priors that are alike but for their half waves."""
 
 
 def cells() -> Vector:
@@ -64,14 +89,20 @@ def at_points(station: Vector) -> Prior:
 
 def walk(order: int, turn: float) -> Prior:
     """Curvature that is a random walk, or whose rate is one; at the start of the size of all turns [rad]."""
-    return Prior(_integrated(order), turn * cells()[:, None] ** np.arange(order))
+    size = OSCILLATION.sharper ** (0.5 * (order - 1))
+    return Prior(size * _integrated(order), turn * cells()[:, None] ** np.arange(order))
 
 
 def oscillations(points: int) -> tuple[Prior, ...]:
-    """Return curvature that oscillates, for each wave length that so many points do not exclude; (229)."""
+    """Return curvature that oscillates, by the wave lengths that points do not exclude; (229), (270)."""
     none = np.zeros((GRID.nodes, 0))
     half_waves = _FEWEST * _apart(points) ** np.arange(OSCILLATION.lengths)
-    return tuple(Prior(_oscillating(float(one)), none, float(one)) for one in half_waves)
+    share = -0.5 * (np.log10(half_waves / OSCILLATION.typical) / OSCILLATION.decades) ** 2
+    share -= math.log(np.exp(share).sum())
+    return tuple(
+        Prior(_oscillating(float(one)), none, float(one), float(log_share))
+        for one, log_share in zip(half_waves, share, strict=True)
+    )
 
 
 def _apart(points: float) -> float:
@@ -99,10 +130,11 @@ def _integrated(order: int) -> Matrix:
 
 def form_of(
     half_waves: float, bend: np.ndarray, points: float, noise: float, rng: np.random.Generator
-) -> Vector:
-    """Return what bends turn over sines of the same first harmonic, for each draw [draws]; (254).
+) -> Form:
+    """Return what bends turn over sines of the same first harmonic, for each draw; (254), (271).
 
-    It is 1 where the points show the form, by the third harmonic, for all waves that are as near.
+    It is 1 where the points show the form, by the third harmonic, for all waves that are as near. Where these
+    are too few for it, but accurate, only what bends turn between them is hidden.
 
     Parameters
     ----------
@@ -115,12 +147,15 @@ def form_of(
     rng
         Generator of the forms that points do not show.
     """
+    none = np.ones(bend.shape[2])
     if half_waves == 0.0:
-        return np.ones(bend.shape[2])
+        return Form(none, none)
     size = np.sqrt(2.0 * np.mean(np.sum(bend**2, axis=1), axis=0)) / (math.pi * half_waves) ** 2
-    visible = _THIRD * size * math.sqrt(0.5 * points) > CHANCE.clear * noise
-    visible &= 3.0 * half_waves * math.sqrt(_apart(points)) <= points - 1.0
-    return np.where(visible, 1.0, rng.choice(_FORMS, bend.shape[2]))
+    clear = _THIRD * size * math.sqrt(0.5 * points) > CHANCE.clear * noise
+    dense = 3.0 * half_waves * math.sqrt(_apart(points)) <= points - 1.0
+    form = rng.choice(_FORMS, bend.shape[2])
+    between = none if dense else 1.0 + _BETWEEN * (form - 1.0)
+    return Form(np.where(clear, none, form), np.where(clear, between, none))
 
 
 def hidden_form(bend: Matrix, s: Vector, points: int, noise: float) -> float:

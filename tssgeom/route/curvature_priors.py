@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tssgeom.arrays import Matrix, Points, Vector, rows_at
-from tssgeom.route.bend_priors import Prior, at_points, cells, form_of, oscillations, walk
+from tssgeom.route.bend_priors import Form, Prior, at_points, cells, form_of, oscillations, walk
 from tssgeom.route.bounds import polygon
 from tssgeom.route.error_posterior import GRID
 from tssgeom.route.model_choice import NOISE_PRIOR, log_sum, noise_price
@@ -106,7 +106,7 @@ def turned_between(points: Points, smooth: RouteFit, noise: float | None) -> tup
         priors = ((at_points(linear.station),), (walk(1, turn),), waves, (walk(2, turn),))
         every = [[_posterior(linear, one, noises, price) for one in alike] for alike in priors]
         draws = [_turns(*_sampled(alike, noises, rng), linear.station, curve) for alike in every]
-    evidence = [log_sum(_log_evidence(alike).ravel()) - math.log(len(alike)) for alike in every]
+    evidence = [log_sum(_log_evidence(alike).ravel()) for alike in every]
     draws[-2], share = _observed(draws[-2])
     evidence[-2] += math.log(share) if share > 0.0 else -math.inf
     return tuple(
@@ -230,7 +230,7 @@ def _posterior(linear: _Linear, prior: Prior, noises: Vector, price: Vector) -> 
     moved = ((sensed / own) @ by_fixed)[..., None]
     known = np.sum(moved * np.linalg.solve(inner, moved), axis=(-2, -1))
     square, volume = (sensed**2 / own).sum(axis=-1) - known, np.log(own).sum(axis=-1)
-    log_evidence = price - 0.5 * (square + volume + np.linalg.slogdet(inner)[1])
+    log_evidence = price + prior.log_share - 0.5 * (square + volume + np.linalg.slogdet(inner)[1])
     return _Posterior(prior, by_scaled, by_fixed, sensed, log_evidence)
 
 
@@ -266,33 +266,37 @@ def _log_evidence(alike: Sequence[_Posterior]) -> np.ndarray:
 
 def _sampled(
     alike: Sequence[_Posterior], noises: Vector, rng: np.random.Generator
-) -> tuple[np.ndarray, Vector]:
+) -> tuple[np.ndarray, Form]:
     """Draws of curvature over posteriors, intensities and noises [cells, 2, draws], and the form of each."""
     log_evidence = _log_evidence(alike)
     probability = np.exp(log_evidence - log_sum(log_evidence.ravel()))
     count = rng.multinomial(GRID.draws, (probability / probability.sum()).ravel()).reshape(probability.shape)
     points = 0.5 * len(alike[0].sensed) + 2.0
-    every, form = list[np.ndarray](), list[Vector]()
+    every, form = list[np.ndarray](), list[Form]()
     for k, i, j in np.argwhere(count):
         one, intensity, noise = alike[k], float(_intensities()[i]), float(noises[j])
         every.append(_bend(one.prior, _given(one, intensity, noise, rng, int(count[k, i, j]))))
         form.append(form_of(one.prior.half_waves, every[-1], points, noise, rng))
-    return np.concatenate(every, axis=2), np.concatenate(form)
+    return np.concatenate(every, axis=2), Form(*map(np.concatenate, zip(*form, strict=True)))
 
 
-def _turns(bend: np.ndarray, form: Vector, station: Vector, curve: _Curve) -> _Turns:
+def _turns(bend: np.ndarray, form: Form, station: Vector, curve: _Curve) -> _Turns:
     """Turn and length of draws of the curvature [cells, 2, draws], and their turn between points; (237)."""
     nodes, step = _nodes(curve), curve.length / len(bend)
-    turn = step * form * np.linalg.norm(bend, axis=1)
+    turn = step * np.linalg.norm(bend, axis=1)
     chords = float(step_lengths(rows_at(station, nodes.s, nodes.position)).sum())
     turned = np.cumsum(bend, axis=0) * step
     interval = np.clip(
         np.searchsorted(station, nodes.s[1:] - 0.5 * step, side="right") - 1, 0, len(station) - 2
     )
     within = (interval[:, None] == interval).astype(np.float64)
-    off = turned - np.tensordot(within / within.sum(axis=1, keepdims=True), turned, 1)
-    length = chords + 0.5 * step * np.sum(off**2, axis=(0, 1))
-    return _Turns(turn.sum(axis=0), length, (within @ turn).max(axis=0))
+    chord = np.tensordot(within / within.sum(axis=1, keepdims=True), turned, 1)
+    length = chords + 0.5 * step * np.sum((turned - chord) ** 2, axis=(0, 1))
+    of_chords = np.linalg.norm(np.diff(chord, axis=0), axis=1).sum(axis=0)
+    of_sines = turn.sum(axis=0)
+    angle = form.turn(of_sines, of_chords)
+    share = angle / np.maximum(of_sines, np.finfo(np.float64).tiny)
+    return _Turns(angle, length, share * (within @ turn).max(axis=0))
 
 
 def _observed(draws: _Turns) -> tuple[_Turns, float]:
