@@ -124,6 +124,19 @@ def test_the_curve_angle_over_time_has_its_band_where_the_route_moves(moving: li
     assert len(time_figure(replace(run, angle=None, angle_se=None)).axes) == 2
 
 
+def test_times_of_a_calendar_count_from_the_first(moving: list[FrameResult]) -> None:
+    run = series_of(moving)
+    last = time_figure(replace(run, time=run.time + 1.7e9)).axes[-1]
+    first = run.time[0] + 1.7e9
+    assert last.get_xlabel() == f"time t [s] after {first:.3f} s"
+    ticks = last.get_xticks() - first
+    assert [last.xaxis.get_major_formatter()(tick + first) for tick in ticks] == [
+        f"{round(tick, 6):g}" for tick in ticks
+    ]
+    assert (np.abs(ticks / np.diff(ticks)[0] - np.round(ticks / np.diff(ticks)[0])) < 1e-3).all()
+    assert time_figure(run).axes[-1].get_xlabel() == "time t [s]"
+
+
 def test_every_visible_axis_has_a_unit(figures):
     unitless = {"found residual", "found heat", "found ranking", "found missing"}  # runs, words and ratios
     for name in figures.keys() - unitless:

@@ -13,11 +13,13 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from tssgeom.arrays import Vector
 from tssgeom.view import colours
 from tssgeom.view.figures.restyle import restyle
 from tssgeom.view.figures.style import used
+from tssgeom.view.quantities import TIME
 from tssgeom.view.samples import evenly
 
 INK, SOFT, FAINT = colours.TENSION_IN, "#697386", "#e8ebf0"
@@ -51,6 +53,7 @@ VECTOR = FORMATS[:2]
 SMALLEST = 7.0
 """Smallest text of a figure [pt]."""
 _DPI = 200
+_CALENDAR = 1e6  # s; chosen: eleven days, which no run lasts. Later times are of a calendar
 _RC: Any = {
     "pdf.fonttype": 42,
     "svg.fonttype": "none",
@@ -105,7 +108,30 @@ def figure(size: tuple[float, float]) -> Iterator[Figure]:
     with mpl.rc_context(_RC):
         drawing = Figure(figsize=(width, height), layout="constrained")
         yield drawing
+        for axes in drawing.axes:
+            if axes.get_xlabel() == TIME.title and abs(axes.get_xlim()[0]) > _CALENDAR:
+                _count_from_first(axes)
         restyle(drawing)
+
+
+class _FromFirst(MaxNLocator):
+    """Ticks that are round numbers after a first time [s]."""
+
+    def __init__(self, first: float) -> None:
+        super().__init__(nbins="auto", steps=[1, 2, 2.5, 5, 10])
+        self.first = first
+
+    def tick_values(self, vmin: float, vmax: float) -> Any:
+        """Return the ticks between two times [s]."""
+        return self.first + np.asarray(super().tick_values(vmin - self.first, vmax - self.first))
+
+
+def _count_from_first(axes: Axes) -> None:
+    """Label times of a calendar by the seconds after the first, which is stated."""
+    first = axes.dataLim.x0
+    axes.xaxis.set_major_locator(_FromFirst(first))
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda time, _: f"{round(time - first, 6):g}"))
+    axes.set_xlabel(f"time t [s] after {first:.3f} s")
 
 
 @contextmanager

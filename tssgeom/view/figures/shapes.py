@@ -50,15 +50,16 @@ def figures_of(result: FrameResult, series: Series | None) -> Mapping[str, Calla
 def _at_time(draw: Callable[[], Figure], time: float) -> Figure:
     """Draw a figure of one moment of a run, and state its time [s], in the title where there is one."""
     drawing = draw()
+    stated = f"{time:.3f} s" if abs(time) > 1e5 else f"{time:.6g} s"  # seconds of a calendar have ten digits
     first = drawing.axes[0]
     title = first.get_title(loc="left")
     if not title:
-        first.set_title(f"{time:.6g} s", loc="right", fontsize=SMALLEST, color=SOFT)
+        first.set_title(stated, loc="right", fontsize=SMALLEST, color=SOFT)
     for text in first.findobj(Text):
         if isinstance(text, Text) and title and text.get_text() == title:
             begin = title[0].lower() if title[0].isascii() else title[0]
             apart = "\n" if len(title) > _LONG_TITLE else " "
-            text.set_text(f"At {time:.6g} s:{apart}{begin}{title[1:]}")
+            text.set_text(f"At {stated}:{apart}{begin}{title[1:]}")
     return drawing
 
 
