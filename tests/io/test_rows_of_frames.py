@@ -38,6 +38,7 @@ def frames_of(path: Path, unit: str | None = None, *said: str) -> list[Frame]:
         ("{axis}_{point} (mm)", None),
         ("EM{point}.{axis}", "mm"),
         ("S{point}{axis}", "mm"),
+        ("coil{point}_p{axis}_mm", None),
     ],
 )
 def test_points_side_by_side_are_those_of_a_frame_in_the_order_of_the_columns(name, unit, tmp_path):
@@ -45,6 +46,16 @@ def test_points_side_by_side_are_those_of_a_frame_in_the_order_of_the_columns(na
     assert [frame.time for frame in frames] == [0.0, 0.5, 1.0]
     for frame, points in zip(frames, POINTS, strict=True):
         np.testing.assert_allclose(frame.points, points / 1e3, rtol=1e-12)
+
+
+@pytest.mark.parametrize(("name", "unit"), [("P{point}_{axis}", "mm"), ("P{point}_{axis}_mm", None)])
+def test_columns_of_a_variable_of_matlab_are_x_y_and_z(name, unit, tmp_path):
+    path = written(tmp_path / "em.csv", name)
+    numbered = path.read_text(encoding="utf-8")
+    for number, axis in enumerate("xyz", 1):
+        numbered = numbered.replace(f"_{axis}", f"_{number}")
+    path.write_text(numbered, encoding="utf-8")
+    np.testing.assert_allclose(frames_of(path, unit)[2].points, POINTS[2] / 1e3, rtol=1e-12)
 
 
 def test_units_stand_in_a_row_of_their_own(tmp_path):

@@ -19,8 +19,10 @@ from tssgeom.io.formats.recording import agreed_unit
 
 FEWEST_POINTS = 4
 """Least points of a frame; derived: fewer are no shape."""
-_AXIS_LAST = re.compile(r"(|.*[\d\s_.:-])([wxyz])", re.IGNORECASE)
+_AXIS_LAST = re.compile(r"(|.*[\d\s_.:-])p?([wxyz])", re.IGNORECASE)
 _AXIS_FIRST = re.compile(r"([wxyz])([\d\s_.:-].*)", re.IGNORECASE)
+_NUMBERED = re.compile(r"(\D+\d+)_([1-9])")
+"""A column of a variable with columns of its own, as MATLAB writes them: `P1_1`, `P1_2`, `P1_3`."""
 _NO_POSITION = re.compile(
     r"(?:^|.*[\d\s_.:-])(?:q|r|t|n|v|a|quat\w*|rot\w*|euler|vel\w*|acc\w*|dir\w*|normal)"
 )
@@ -42,11 +44,12 @@ def point_columns(
         Names whose meaning the user states.
     """
     vectors = dict[str, dict[str, int]]()
+    numbered = _numbered(names)
     for k, name in enumerate(names):
         if name in EXACT or name in besides:
             continue
         stem, unit = _stem_and_unit(name, units[k] if units else "")
-        point_axis = _axis(stem)
+        point_axis = numbered.get(name) or _axis(stem)
         if point_axis is not None and (unit is None or unit.quantity == LENGTH):
             vectors.setdefault(point_axis[0], {}).setdefault(point_axis[1], k)
     points = {
@@ -55,6 +58,16 @@ def point_columns(
         if {*columns} == {*AXES} and not _NO_POSITION.fullmatch(point.lower())
     }
     return points if len(points) >= FEWEST_POINTS else {}
+
+
+def _numbered(names: Sequence[str]) -> dict[str, tuple[str, str]]:
+    """Return point and axis of the columns of variables that have three columns each."""
+    columns = dict[str, dict[str, str]]()
+    for name in names:
+        if match := _NUMBERED.fullmatch(split_unit(name)[0]):
+            columns.setdefault(match[1], {})[match[2]] = name
+    three = {point: of for point, of in columns.items() if {*of} == {"1", "2", "3"}}
+    return {of[n]: (point, axis) for point, of in three.items() for n, axis in zip("123", AXES, strict=True)}
 
 
 def _stem_and_unit(name: str, unit_row: str) -> tuple[str, Unit | None]:
