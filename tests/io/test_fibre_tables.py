@@ -34,6 +34,25 @@ def frames(recording: Recording) -> list[Frame]:
     return [item for item in items if isinstance(item, Frame)]
 
 
+@pytest.mark.parametrize(
+    ("header", "per_metre", "radian"),
+    [
+        ("s_mm,Kappa [1/m],Theta [deg]", 1.0, np.degrees(1.0)),
+        ("s_mm,curvature_per_mm,bend angle (rad)", 1e-3, 1.0),
+    ],
+)
+def test_size_and_direction_are_components(tmp_path, header, per_metre, radian):
+    size, direction = np.hypot(*BEND.T), np.arctan2(*BEND.T[::-1])
+    table = rows(S, per_metre * size, radian * direction)
+    (frame,) = frames(opened(tmp_path, f"{header}\n{table}"))
+    np.testing.assert_allclose(frame.curvatures, BEND, rtol=1e-7, atol=1e-8)  # nine digits in the file
+
+
+def test_a_direction_without_a_unit_is_not_taken_for_one(tmp_path):
+    with pytest.raises(ShapeError):
+        opened(tmp_path, "s_mm,kappa_per_m,theta\n" + rows(S, *BEND.T))
+
+
 @pytest.mark.parametrize(("unit", "per_metre"), [("mm", 1000.0), ("m", 1.0)])
 @pytest.mark.parametrize(("bend_unit", "times"), [("mm", 1000.0), ("m", 1.0)])
 def test_each_unit_in_the_header_scales_its_own_columns(tmp_path, unit, per_metre, bend_unit, times):

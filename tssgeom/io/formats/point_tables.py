@@ -12,6 +12,7 @@ from tssgeom.errors import ShapeError, TssgeomError
 from tssgeom.io.formats.columns import AXES, columns_of
 from tssgeom.io.formats.laboratory.mapping import NO_MAP, ColumnMap
 from tssgeom.io.formats.laboratory.names import EXACT, RECORDING, is_inert, meaning_of
+from tssgeom.io.formats.laboratory.polar import has_size
 from tssgeom.io.formats.laboratory.table import laboratory_table
 from tssgeom.io.formats.laboratory.wide import point_columns
 from tssgeom.io.formats.longform import MOST_AT_ONCE, LongFrames, Rows, lowest_point, runs_of
@@ -74,8 +75,8 @@ def names_recordings(path: Path, columns: ColumnMap) -> bool:
 
 def is_plain(names: Sequence[str], unit: str | None, said: Collection[str]) -> bool:
     """Whether the readers know these names as they stand, and nothing beside them resembles what is read."""
-    if (unit is None and any(axis in names for axis in AXES)) or point_columns(names):
-        return False  # a row of units may follow, or a row holds several points
+    if (unit is None and any(axis in names for axis in AXES)) or point_columns(names) or has_size(names):
+        return False  # a row of units may follow, or a row holds several points, or no components
     known = any(name in EXACT for name in names)
     return known and not set(names) & set(said) and all(name in EXACT or is_inert(name) for name in names)
 

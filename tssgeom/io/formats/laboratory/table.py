@@ -16,6 +16,7 @@ from tssgeom.io.formats.columns import AXES, POINT, TIME
 from tssgeom.io.formats.laboratory.channels import Resolved
 from tssgeom.io.formats.laboratory.files import raw_tables
 from tssgeom.io.formats.laboratory.mapping import NO_MAP, ColumnMap, Mapped
+from tssgeom.io.formats.laboratory.polar import with_components
 from tssgeom.io.formats.laboratory.raw import RawTable
 from tssgeom.io.formats.laboratory.resolve import marker_numbers, resolved
 from tssgeom.io.formats.laboratory.tools import with_points_of_tools
@@ -116,9 +117,10 @@ def _tables_once(
     file: Path, stamp: Stamp, said: tuple[tuple[str, Mapped], ...], unit: str | None
 ) -> list[tuple[RawTable, Resolved]]:
     """Read a file once, since each of its recordings is an input of its own."""
-    tools = [with_points_of_tools(table, dict(said)) for table in raw_tables(file)]
-    tables = [with_row_a_point(file, table, dict(said), unit) for table in tools]
-    every = [(table, resolved(file, table, dict(said), unit)) for table in tables]
+    stated = dict(said)
+    tools = [with_points_of_tools(with_components(table, stated), stated) for table in raw_tables(file)]
+    tables = [with_row_a_point(file, table, stated, unit) for table in tools]
+    every = [(table, resolved(file, table, stated, unit)) for table in tables]
     return [each for each in every if each[1].values or each[1].unclear] or every
 
 

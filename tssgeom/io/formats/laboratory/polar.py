@@ -1,0 +1,63 @@
+"""Curvature of a fibre as size and direction, `Kappa [1/m]` and `Theta [deg]`: turned to its components."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from tssgeom.io.formats.columns import BENDS
+from tssgeom.io.formats.laboratory.names import split_unit
+from tssgeom.io.formats.laboratory.raw import RawTable
+from tssgeom.io.formats.laboratory.units import ANGLE, CURVATURE, Unit, unit_of
+
+_SIZE = ("kappa", "κ", "curvature", "curv", "bend", "magnitude")
+_DIRECTION = ("theta", "θ", "phi", "φ", "angle", "direction", "orientation", "bendangle", "bendingangle")
+
+
+def with_components(table: RawTable, said: Mapping[str, object]) -> RawTable:
+    """Return a table whose curvature has two components instead of size and direction.
+
+    One that has not exactly one column of each, with the unit of each, stays as it is.
+    """
+    sizes = _columns(table.names, table.units, _SIZE, CURVATURE, said)
+    directions = _columns(table.names, table.units, _DIRECTION, ANGLE, said)
+    if len(sizes) != 1 or len(directions) != 1:
+        return table
+    (size, unit), (direction, angle) = sizes[0], directions[0]
+    kappa, theta = table.columns[size], table.columns[direction]
+    if not (isinstance(kappa, np.ndarray) and isinstance(theta, np.ndarray)):
+        return table
+    turned = unit.factor * kappa, angle.factor * theta
+    columns, names, units = list(table.columns), list(table.names), list(table.units)
+    columns[size], columns[direction] = turned[0] * np.cos(turned[1]), turned[0] * np.sin(turned[1])
+    old = names[size], names[direction]
+    names[size], names[direction] = (f"{bend}_per_m" for bend in BENDS)
+    if units:
+        units[size] = units[direction] = ""
+    note = (
+        f"{old[0]} and {old[1]} read as size and direction of curvature: kappa_x = κ cos θ, kappa_y = κ sin θ"
+    )
+    return replace(
+        table, names=tuple(names), columns=tuple(columns), units=tuple(units), notes=(*table.notes, note)
+    )
+
+
+def has_size(names: Sequence[str]) -> bool:
+    """Whether a name is that of the size of a curvature, with its unit."""
+    return bool(_columns(names, (), _SIZE, CURVATURE, ()))
+
+
+def _columns(
+    names: Sequence[str], units: Sequence[str], words: Sequence[str], quantity: str, said: Collection[str]
+) -> list[tuple[int, Unit]]:
+    """Return the columns with one of these words and a unit of a quantity, which nobody states otherwise."""
+    columns = list[tuple[int, Unit]]()
+    for k, name in enumerate(names):
+        stem, unit = split_unit(name)
+        unit = unit_of(units[k] if units else "") or unit
+        plain = "".join(letter for letter in stem.lower() if letter.isalpha())
+        if plain in words and unit is not None and unit.quantity == quantity and name not in said:
+            columns.append((k, unit))
+    return columns
