@@ -39,6 +39,7 @@ def frames_of(path: Path, unit: str | None = None, *said: str) -> list[Frame]:
         ("EM{point}.{axis}", "mm"),
         ("S{point}{axis}", "mm"),
         ("coil{point}_p{axis}_mm", None),
+        ("/shape/poses[{point}]/position/{axis}", "mm"),
     ],
 )
 def test_points_side_by_side_are_those_of_a_frame_in_the_order_of_the_columns(name, unit, tmp_path):

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tssgeom.io.formats.columns import BENDS
+from tssgeom.io.formats.columns import AXES, BENDS
 from tssgeom.io.formats.laboratory.names import split_unit
 from tssgeom.io.formats.laboratory.raw import RawTable
 from tssgeom.io.formats.laboratory.units import ANGLE, CURVATURE, Unit, unit_of
@@ -52,8 +52,13 @@ def has_size(names: Sequence[str]) -> bool:
 def _columns(
     names: Sequence[str], units: Sequence[str], words: Sequence[str], quantity: str, said: Collection[str]
 ) -> list[tuple[int, Unit]]:
-    """Return the columns with one of these words and a unit of a quantity, which nobody states otherwise."""
+    """Return the columns with one of these words and a unit of a quantity, which nobody states otherwise.
+
+    None where there are coordinates: what a shape turns may be written beside its points.
+    """
     columns = list[tuple[int, Unit]]()
+    if any(split_unit(name)[0].lower() in AXES for name in names):
+        return columns
     for k, name in enumerate(names):
         stem, unit = split_unit(name)
         unit = unit_of(units[k] if units else "") or unit

@@ -19,12 +19,12 @@ from tssgeom.io.formats.recording import agreed_unit
 
 FEWEST_POINTS = 4
 """Least points of a frame; derived: fewer are no shape."""
-_AXIS_LAST = re.compile(r"(|.*[\d\s_.:-])p?([wxyz])", re.IGNORECASE)
-_AXIS_FIRST = re.compile(r"([wxyz])([\d\s_.:-].*)", re.IGNORECASE)
+_AXIS_LAST = re.compile(r"(|.*[\d\s_.:/-])p?([wxyz])", re.IGNORECASE)
+_AXIS_FIRST = re.compile(r"([wxyz])([\d\s_.:/-].*)", re.IGNORECASE)
 _NUMBERED = re.compile(r"(\D+\d+)_([1-9])")
 """A column of a variable with columns of its own, as MATLAB writes them: `P1_1`, `P1_2`, `P1_3`."""
 _NO_POSITION = re.compile(
-    r"(?:^|.*[\d\s_.:-])(?:q|r|t|n|v|a|quat\w*|rot\w*|euler|vel\w*|acc\w*|dir\w*|normal)"
+    r"(?:^|.*[\d\s_.:/-])(?:q|r|t|n|v|a|quat\w*|rot\w*|orient\w*|euler|vel\w*|acc\w*|dir\w*|normal)"
 )
 """Name of a vector that is no position: a turn, a direction, a speed."""
 
@@ -83,7 +83,7 @@ def _axis(stem: str) -> tuple[str, str] | None:
         point, axis = match[2], match[1]
     else:
         return None
-    return point.strip(" _.:-"), axis.lower()
+    return point.strip(" _.:/-"), axis.lower()
 
 
 def with_row_a_point(
