@@ -8,7 +8,9 @@ from __future__ import annotations
 import inspect
 import os
 import sys
+import threading
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from importlib import import_module
 from itertools import pairwise
 from typing import Annotated, Any
@@ -17,7 +19,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from pipelines import tssgeom_version
-from pipelines.interruption import interruptible
+from pipelines.interruption import FIT_THREAD, interruptible
 from pipelines.terminal import open_streams, print_message, whose_reader_may_leave
 
 _RESERVED = (
@@ -113,7 +115,18 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """
     os.environ.setdefault("MIMALLOC_ARENA_RESERVE", _RESERVED)
     open_streams()
-    sys.exit(interruptible(lambda: _status(arguments), last=arguments is None))
+    status = interruptible(lambda: _status(arguments), last=arguments is None)
+    if arguments is None and any(one.name == FIT_THREAD for one in threading.enumerate()):
+        _leave(status)
+    sys.exit(status)
+
+
+def _leave(status: int) -> None:
+    """End the process at once: Python would end the thread of a fit within C, which may crash."""
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(OSError, ValueError, AttributeError):
+            stream.flush()
+    os._exit(status)
 
 
 def _status(arguments: Sequence[str] | None) -> int:

@@ -101,6 +101,10 @@ def interruptible(work: Callable[[], int], *, last: bool = False) -> int:
     return status
 
 
+FIT_THREAD = "fit"
+"""Name of the threads that fit beside a stream."""
+
+
 @contextmanager
 def _listening(*, last: bool) -> Iterator[Interruption]:
     """Hear signals in a `with` block of the main thread; those that are shut off, as by nohup, stay so."""

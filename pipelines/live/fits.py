@@ -18,6 +18,7 @@ from threading import Lock, Thread
 from time import monotonic, thread_time
 from weakref import WeakKeyDictionary
 
+from pipelines.interruption import FIT_THREAD
 from pipelines.live.priorities import Rests, lower_own_priority
 from tssgeom.core.binding import give_way
 from tssgeom.engine import Engine, Track
@@ -246,7 +247,7 @@ class Fits:
         self._wake.setblocking(False)
         self.selector.register(woken, READ, partial(_emptied, woken))
         for work in (self._first, self._first_of_many_points, *[self._next] * _LIMITS.threads):
-            Thread(target=self._serve, args=(work,), daemon=True).start()
+            Thread(target=self._serve, args=(work,), name=FIT_THREAD, daemon=True).start()
 
     def _give_way(self, rests: Rests) -> None:
         if rests.are_due():

@@ -12,7 +12,7 @@ import pytest
 
 from tests.attack.live_lines import helix
 from tests.live.peers import frame
-from tests.live_process import PATIENCE, line, live, points_mm, retimed
+from tests.live_process import PATIENCE, START, line, live, points_mm, retimed
 from tssgeom.engine import Engine, Track, process
 from tssgeom.rig import Rig
 from tssgeom.route.route_fit import Deferred
@@ -58,6 +58,17 @@ def test_a_signal_is_heard_while_a_fit_takes_long(number):
         begun = time.monotonic()
         assert stream.stop(number) == 0
         assert time.monotonic() - begun < shared(0.5)
+
+
+def test_a_stream_ends_without_python_ending_the_thread_of_a_fit_within_c(monkeypatch):
+    begin = "import atexit, os; atexit.register(os.write, 2, b'finalised\\n'); "
+    python, option, program, *command = START
+    monkeypatch.setattr("tests.live_process.START", [python, option, begin + program, *command])
+    with live("--source", "tcp://127.0.0.1:0", "--sink", "none") as stream, stream.source() as source:
+        source.sendall(LONG)
+        time.sleep(0.3)
+        assert stream.stop(signal.SIGINT) == 0
+    assert "finalised" not in stream.errors
 
 
 def test_frames_of_standard_input_wait_for_long_fits_and_none_is_lost():
