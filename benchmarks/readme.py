@@ -122,10 +122,11 @@ def _speed(text: str) -> Extract:
 
 
 def _live(text: str) -> Extract:
-    latency, pictures = tables(text)
+    latency, followed, pictures = tables(text)
     times = [cell(latency, "--view --record", name) for name in ("p50", "p99", "p99.9")]
     key = [f"{' / '.join(times)} ms", "wanted: at most 0.5 / 1 / 3 ms", ABSENT]
-    return Extract(f"{_rendered(latency, 2)}\n\nPictures:\n\n{_rendered(pictures, 1)}", key)
+    rig = f"A rig that is followed, 200 frames a second:\n\n{_rendered(followed, 2)}"
+    return Extract(f"{_rendered(latency, 2)}\n\n{rig}\n\nPictures:\n\n{_rendered(pictures, 1)}", key)
 
 
 def _batch(text: str) -> Extract:
