@@ -31,7 +31,7 @@ import numpy as np
 import rerun as rr
 
 from benchmarks import ABSENT, machine, number, options_parser, table
-from tests.live_process import ROUTES, line, lines, live, points_mm
+from tests.live_process import ROUTES, Live, line, lines, live, points_mm
 from tssgeom.core.build import compiler
 from tssgeom.engine import process
 from tssgeom.rig import Rig
@@ -51,8 +51,7 @@ _TARGETS = "targets: p50 ≤ 0.5, p99 ≤ 1, p99.9 ≤ 3 ms at 1000 frames/s, N 
 _FOLLOWED_RATE = 200.0  # Hz
 _FOLLOWED_TARGETS = "targets: p50 ≤ 1, p99 ≤ 2 ms"
 _FOLLOWED_CYCLE = 6.0  # s, after which sway and pull of `points_mm` are as at first
-_SENSORS = {"tension_in_N": 0.02, "displacement_in_m": 1e-5}
-"""Noise of each reading of the followed rig."""
+_SENSORS = {"tension_in_N": 0.02, "displacement_in_m": 1e-5}  # noise of each reading of that rig
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -92,13 +91,8 @@ def _latency_table(options: argparse.Namespace) -> str:
             for name, more in (("nothing beside", []), ("--view --record", beside)):
                 most = count if more and route == "7 pieces" else min(count, _BRIEF)
                 with live("--source", _HERE, "--sink", _HERE, *more) as stream:
-                    memory = stream.memory()
-                    ports = (stream.port("source", "tcp"), stream.port("sink", "tcp"))
-                    result = measured(program, ports, frames, options.rate, most)
-                    grown = f"{stream.memory() - memory:+.1f}"
-                    rows.append(_row(name, route, result, result.outside, grown))
-                    rows.append(_row(f"{name}, by the stream itself", route, result, result.inside, ""))
-                    result = measured(program, ports, frames, 0.0, flood)
+                    rows += _rows_at(options.rate, stream, program, name, route, frames, most)
+                    result = measured(program, _ports(stream), frames, 0.0, flood)
                     rows.append(_row(f"{name}, one after the other", route, result, result.outside, ""))
                     stream.stop()
     return table(_HEADER, rows, text_columns=2, markdown=options.markdown)
@@ -117,27 +111,17 @@ def _followed_table(options: argparse.Namespace) -> str:
     with tempfile.TemporaryDirectory() as folder:
         program = compiled_client(Path(folder))
         rig = Path(folder) / "rig.toml"
-        sensors = (f"[sensors.{channel}]\nnoise = {noise}\n" for channel, noise in _SENSORS.items())
-        rig.write_text("".join(sensors))
+        rig.write_text("".join(f"[sensors.{name}]\nnoise = {noise}\n" for name, noise in _SENSORS.items()))
         for route in ROUTES:
             frames = _driven(options.points, route)
             with live("--source", _HERE, "--sink", _HERE, "--adapt", "--rig", rig) as stream:
-                memory = stream.memory()
-                ports = (stream.port("source", "tcp"), stream.port("sink", "tcp"))
-                result = measured(program, ports, frames, _FOLLOWED_RATE, count)
-                rows.append(
-                    _row("--adapt", route, result, result.outside, f"{stream.memory() - memory:+.1f}")
-                )
-                rows.append(_row("--adapt, by the stream itself", route, result, result.inside, ""))
+                rows += _rows_at(_FOLLOWED_RATE, stream, program, "--adapt", route, frames, count)
                 stream.stop()
     return table(_HEADER, rows, text_columns=2, markdown=options.markdown)
 
 
 def _driven(points: int, route: str) -> list[bytes]:
-    """Return frames of a sway and pull, with noisy readings of the drive that this project's model gives.
-
-    They are those of the second cycle, after which the tendon is as it was before.
-    """
+    """Return frames of the second cycle of a sway and pull, with noisy readings of the model's drive."""
     count = round(_FOLLOWED_CYCLE * _FOLLOWED_RATE)
     times = np.arange(2 * count) / _FOLLOWED_RATE
     exact = (
@@ -152,6 +136,21 @@ def _driven(points: int, route: str) -> list[bytes]:
         line(points_mm(points, time, i, route=route), time, **dict(zip(_SENSORS, drive, strict=True)))
         for i, (time, drive) in enumerate(zip(times[:count].tolist(), drives.tolist(), strict=True))
     ]
+
+
+def _rows_at(
+    rate: float, stream: Live, program: Path, name: str, route: str, frames: Sequence[bytes], count: int
+) -> list[list[str]]:
+    """Measure frames at a rate [Hz], from outside and by the stream itself."""
+    memory = stream.memory()
+    result = measured(program, _ports(stream), frames, rate, count)
+    grown = f"{stream.memory() - memory:+.1f}"
+    inside = _row(f"{name}, by the stream itself", route, result, result.inside, "")
+    return [_row(name, route, result, result.outside, grown), inside]
+
+
+def _ports(stream: Live) -> tuple[int, int]:
+    return stream.port("source", "tcp"), stream.port("sink", "tcp")
 
 
 def _row(name: str, route: str, result: Latencies, latencies: np.ndarray, grown: str) -> list[str]:

@@ -23,6 +23,8 @@ from tssgeom.programs import end_programs
 
 SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
 MESSAGE = "interrupted: the files that were finished are whole"
+FIT_THREAD = "fit"
+"""Name of the threads that fit beside a stream."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,10 +101,6 @@ def interruptible(work: Callable[[], int], *, last: bool = False) -> int:
             print_message(MESSAGE)
             status = 128 + present.number
     return status
-
-
-FIT_THREAD = "fit"
-"""Name of the threads that fit beside a stream."""
 
 
 @contextmanager

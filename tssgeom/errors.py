@@ -147,10 +147,14 @@ def out_of_memory(error: Exception) -> SettingsError:
     return SettingsError(f"{first_line(error)}: check the free memory, its limits, and the installation")
 
 
+def fault_of(error: Exception) -> str:
+    """Return why a saved object cannot be read; a KeyError states but the name of what is missing."""
+    return f"it has no {error.args[0]!r}" if isinstance(error, KeyError) else first_line(error)
+
+
 def broken_state(error: Exception) -> SettingsError:
-    """Return the error of a saved state that cannot be read; a KeyError states but a name."""
-    fault = f"it has no {error.args[0]!r}" if isinstance(error, KeyError) else first_line(error)
-    return SettingsError(f"the saved state is broken ({fault}): remove it and start anew")
+    """Return the error of a saved state that cannot be read."""
+    return SettingsError(f"the saved state is broken ({fault_of(error)}): remove it and start anew")
 
 
 def first_line(error: Exception) -> str:

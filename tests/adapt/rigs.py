@@ -25,11 +25,13 @@ def rig_of(scenario: Scenario) -> Rig:
     )
 
 
-def followed(scenario: Scenario, follower: Follower, seconds: float, tension_out: bool = False):
-    """Yield the sample, and what is known after it, of so many seconds of a scenario."""
+def followed(
+    scenario: Scenario, follower: Follower, seconds: float, tension_out: bool = False, begin: int = 0
+):
+    """Yield the sample, and what is known after it, of so many seconds of a scenario from a sample on."""
     machine, gains = scenario.machine, scenario.truth["route_angle_gain"]
     arcs, last = None, None
-    for i in range(min(round(100 * seconds), len(scenario.times))):
+    for i in range(begin, min(begin + round(100 * seconds), len(scenario.times))):
         if gains[i] != last:
             last = gains[i]
             arcs = Arcs.exact(machine.lengths_m, last * machine.angles_rad)

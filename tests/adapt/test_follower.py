@@ -9,7 +9,6 @@ from tests.adapt.rigs import errors, followed, rig_of
 from tests.twins import scenarios
 from tssgeom.adapt.followed_tendon import FollowedTendon
 from tssgeom.adapt.follower import Follower
-from tssgeom.adapt.readings import Readings
 from tssgeom.adapt.saved import filter_object, filter_of
 from tssgeom.rig import GivenRoute, Rig
 from tssgeom.route.pieces import Arcs
@@ -157,14 +156,10 @@ def test_a_zero_that_drifts_is_followed_whether_the_rig_names_it_or_not():
 @pytest.mark.parametrize("begin", [1733, 2511, 4120])
 def test_a_stream_may_begin_with_a_tendon_that_was_pulled_and_released(begin):
     scenario = scenarios.sound(2, 0.02)
-    rig, arcs = rig_of(scenario), Arcs.exact(scenario.machine.lengths_m, scenario.machine.angles_rad)
-    follower, known = Follower(rig), None
-    for i in range(begin, begin + 1000):
-        read = {name: float(values[i]) for name, values in scenario.readings.items()}
-        readings = Readings(read["tension_in_N"], read["displacement_in_m"], None)
-        known = follower.take(arcs, readings, float(scenario.times[i]))
-        follower.work()
+    follower, known = Follower(rig_of(scenario)), None
+    for _, now in followed(scenario, follower, 10.0, begin=begin):
         assert follower.alert is None
+        known = now
     assert known is not None
     off = known.values[0] - scenario.machine.friction
     assert abs(off) < min(4.0 * known.se[0], 0.1 * scenario.machine.friction)  # as if pulled once, a third

@@ -64,7 +64,7 @@ def test_a_stream_ends_without_python_ending_the_thread_of_a_fit_within_c(monkey
     begin = "import atexit, os; atexit.register(os.write, 2, b'finalised\\n'); "
     python, option, program, *command = START
     monkeypatch.setattr("tests.live_process.START", [python, option, begin + program, *command])
-    with live("--source", "tcp://127.0.0.1:0", "--sink", "none") as stream, stream.source() as source:
+    with live(*TCP, "--sink", "none") as stream, stream.source() as source:
         source.sendall(LONG)
         time.sleep(0.3)
         assert stream.stop(signal.SIGINT) == 0

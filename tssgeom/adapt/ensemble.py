@@ -79,7 +79,8 @@ class Ensemble(Members):
         self._noise_variance = np.maximum([variances[one] for one in channels], SETTINGS.least_noise**2)
         self.trackers = {name: TrailedDrive(math.sqrt(variances[name])) for name in drives}
         self.is_history_known = False
-        """Whether the tendons' history before the first frame is that of the members."""
+        """Whether the members have the tendons' history before the first frame; else they came from rest, and
+        how is not known: docs/model.md (274)."""
         self.muted = set[str]()
         """Channels whose readings are not used."""
         self.outlier = CHANCE.never

@@ -56,9 +56,7 @@ class OfTendon:
         now = RigFilter(rig, followed_numbers(rig, self.measured), arcs, seed=seed)
         before = memory_on(state, arcs, self.rig) if isinstance(state, TendonState) else None
         if before is not None:
-            for one in (now.now, now.kept):
-                one.memory[:], one.position[:] = before[0].block, before[1]
-            now.is_history_known = True
+            now.go_on(*before)
         return now
 
     def usable(self, readings: Any, muted: set[str]) -> Any:

@@ -33,9 +33,6 @@ class RigFilter(Ensemble):
     ----------
     rig, numbers, arcs, seed
         As of `Ensemble`.
-    memory
-        Tension along the tendon before the first frame. By default it came to its first frame from the rig's
-        pretension, and how it came there is not known: docs/model.md (274).
     """
 
     of_machines = False
@@ -47,16 +44,20 @@ class RigFilter(Ensemble):
         arcs: Arcs,
         *,
         seed: int = 0,
-        memory: Memory | None = None,
     ) -> None:
         self.count, self.edge = 1, edges(arcs, BARS)
         super().__init__(rig, numbers, arcs, CHANNELS, DRIVES, seed)
         self.drives = DRIVES[:1]
-        rest = memory or begin(model_of(setup_of(rig), arcs, "displacement_in_m", self.edge)).memory
+        rest = begin(model_of(setup_of(rig), arcs, "displacement_in_m", self.edge)).memory
         count = len(self.members)
         none = np.empty((count, 0))
         self.stand(Standing(np.tile(rest.block, (count, 1)), none, none, np.zeros(count), False, math.nan))
-        self.is_history_known = memory is not None
+
+    def go_on(self, memory: Memory, position: float) -> None:
+        """Let all members stand where a tendon stands, whose drive is at a position [m]."""
+        for one in (self.kept, self.now):
+            one.memory[:], one.position[:] = memory.block, position
+        self.is_history_known = True
 
     def _at_rest(self) -> Vector:
         return np.array([self.rig.tendon.pretension_N if self.drives == DRIVES[1:] else 0.0])

@@ -38,7 +38,7 @@ from tssgeom.adapt.saved_parts import (
 from tssgeom.adapt.trailed_drive import TrailedDrive
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.effects import AnyEffect
-from tssgeom.errors import SettingsError
+from tssgeom.errors import SettingsError, fault_of
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.machine_history import DriveName, Turning
@@ -188,7 +188,7 @@ def filter_of(saved: Any, rig: Rig) -> SavedFilter:
     except SettingsError:
         raise
     except (LookupError, TypeError, ValueError, AttributeError, OverflowError, msgspec.MsgspecError) as error:
-        raise SettingsError(f"the saved filter is broken ({error!r}): it is not used") from error
+        raise SettingsError(f"the saved filter is broken ({fault_of(error)}): it is not used") from error
 
 
 def _checked(saved: Mapping[str, Any], rig: Rig) -> SavedFilter:

@@ -91,15 +91,15 @@ class Posterior:
     def of(self, share: Vector) -> tuple[float, float, float]:
         """Return standard deviation and 95 % interval of a sum of numbers, each times its share; (261)."""
         middle, across = float(share @ self.u), self.covariance @ share
-        of_drive = float(share @ self.errors.covariance @ share)
+        of_drive, other = (float(share @ each @ share) for each in self.errors)
         sd, own = math.sqrt(max(float(share @ across), 1e-300)), np.sqrt(np.diag(self.covariance))
         strength = [abs(float(across[each.number])) / (sd * own[each.number]) for each in self.profiles]
         if max(strength, default=0.0) < POSTERIOR.follows:
-            sd = math.sqrt(max(float(share @ self.errors.other @ share) + of_drive, 1e-300))
+            sd = math.sqrt(max(other + of_drive, 1e-300))
             return sd, middle - self.quantile * sd, middle + self.quantile * sd
         best = int(np.argmax(strength))
         weight, centres = self.profiles[best].weight, self.profiles[best].u @ share
-        narrower = math.sqrt(max(float(share @ self.errors.other @ share), 0.0)) / sd
+        narrower = math.sqrt(max(other, 0.0)) / sd
         centres = middle + narrower * (centres - middle)
         inside = narrower * sd * math.sqrt(max(1.0 - strength[best] ** 2, 1e-4))
         beside = math.hypot(inside, math.sqrt(of_drive))

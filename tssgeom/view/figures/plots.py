@@ -131,7 +131,7 @@ def _count_from_first(axes: Axes) -> None:
     first = axes.dataLim.x0
     axes.xaxis.set_major_locator(_FromFirst(first))
     axes.xaxis.set_major_formatter(FuncFormatter(lambda time, _: f"{round(time - first, 6):g}"))
-    axes.set_xlabel(f"time t [s] after {first:.3f} s")
+    axes.set_xlabel(f"{TIME.title} after {first:.3f} s")
 
 
 @contextmanager
