@@ -37,7 +37,7 @@ REPLACED = {
     "blame blamed blames": "misfit attribution",
     "acting": "with_effects",
     "account accounts": "posterior summary, running summary",
-    "doubt doubts doubtful": "model_choice_variance",
+    "doubt doubts doubtful": "by_models",
     "weighed weighing": "whitened, noise model",
     "settle settles settled": "fit, converged",
     "odd odder oddest oddity oddities": "outlying inputs",

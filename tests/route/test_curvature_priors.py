@@ -136,7 +136,7 @@ def test_what_points_allow_goes_on_in_a_stream():
     first = follow(clean(points), 1e-4, None)
     second = follow(clean(points), 1e-4, first)
     assert second.fit.turned == first.fit.turned != ()
-    assert second.fit.arcs.total_angle_se > 0.9 * first.model_choice_variance**0.5
+    assert second.fit.arcs.total_angle_se > 0.9 * first.by_models.angle**0.5
     assert not second.fit.strip().turned
 
 

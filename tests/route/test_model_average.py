@@ -90,7 +90,7 @@ def test_straight_pieces_between_bends_cost_a_joint_each_and_fit_no_worse(tried)
 
 def test_the_added_variance_is_that_of_the_mixture_about_the_selected_model(tried):
     smooth, data, arcs = tried
-    angle, length = added_by_models(smooth, smooth, [(data, arcs)])
+    angle, length, form = added_by_models(smooth, smooth, [(data, arcs)])
     every = [(data, arcs), *at_once(with_straights([(data, arcs)]))]
     models = [chain_model(points, chain, smooth.spline) for points, chain in every]
     mean = np.array([smooth.arcs.total_angle, *(one.angle for one in models)])
@@ -98,6 +98,7 @@ def test_the_added_variance_is_that_of_the_mixture_about_the_selected_model(trie
     whole = mixture_variance(probabilities(models), mean, own, smooth.arcs.total_angle)
     assert angle == pytest.approx(max(whole - smooth.arcs.total_angle_se**2, 0.0))
     assert length >= 0.0
+    assert form == 0.0  # which only a chain that is selected has
 
 
 def test_a_chain_without_evidence_leaves_the_others(tried, monkeypatch):
@@ -166,8 +167,8 @@ def test_intervals_of_few_points_of_unknown_noise_hold_the_length(n):
 def test_the_next_frame_keeps_what_not_knowing_the_model_adds():
     points = sensed(S_BEND, 20, NOISE, 3)
     first = follow(clean(points), NOISE, None)
-    assert first.model_choice_variance == first.fit.by_models[0] > 0.0
-    assert first.model_length_variance == first.fit.by_models[1]
+    assert first.by_models == first.fit.by_models
+    assert first.by_models.angle > 0.0
     second = follow(clean(points), NOISE, first)
-    assert second.model_choice_variance == first.model_choice_variance
-    assert second.fit.arcs.total_angle_se > 0.9 * math.sqrt(first.model_choice_variance)
+    assert second.by_models == first.by_models
+    assert second.fit.arcs.total_angle_se > 0.9 * math.sqrt(first.by_models.angle)

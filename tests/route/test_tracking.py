@@ -174,7 +174,7 @@ def _tracked_until_a_chain_takes_over(seed):
 
 def test_a_chain_that_takes_over_has_the_model_choice_variance_at_once():
     taken = [_tracked_until_a_chain_takes_over(seed)[-2:] for seed in range(16)]
-    close = [pair for pair in taken if pair[0].model_choice_variance > 5e-4]  # rad²: a close call
+    close = [pair for pair in taken if pair[0].by_models.angle > 5e-4]  # rad²: a close call
     assert len(close) >= 3
     shares = [first.fit.arcs.total_angle_se**2 / second.fit.arcs.total_angle_se**2 for first, second in close]
     assert np.median(shares) == pytest.approx(1.0, rel=0.1)  # the same variance; without it 0.6
@@ -202,7 +202,7 @@ def test_one_point_beyond_a_last_joint_is_no_bend():
     frame = json.loads(samples.read_text().splitlines()[116])
     result = measure(clean(1e-3 * np.array(frame["points"])), None)
     assert result.arcs.method == "arcs"
-    assert result.profile.total_angle_se < 0.1  # rad; with a piece of that point 24 000
+    assert result.profile.total_angle_se < 0.2  # rad; with a piece of that point 24 000
 
 
 def test_a_route_that_is_carried_away_takes_its_start_along():

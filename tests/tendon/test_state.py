@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +20,7 @@ from tssgeom.tendon import transmission
 from tssgeom.tendon.bars.bar_state import BarState
 from tssgeom.tendon.capstan import Corners
 from tssgeom.tendon.moving import MovingRoute, between, unmoved
-from tssgeom.tendon.saved import state_object, state_of
+from tssgeom.tendon.saved import route_object, route_of, state_object, state_of
 from tssgeom.tendon.state import (
     HALVINGS,
     pretensioned,
@@ -171,6 +172,21 @@ def test_a_joint_of_unknown_position_may_lie_elsewhere():
     far = Arcs(np.array([0.265, 0.235]), np.array([0.0, 2.35]), covariance, "arcs")
     assert unmoved(here, near)
     assert not unmoved(here, far)
+
+
+def test_what_no_point_shows_of_a_route_is_the_same_in_each_frame_and_hides_no_movement():
+    noise, form = np.diag([0.0, 0.0, 1e-4, 1e-4]), np.zeros((4, 4))
+    form[2:, 2:] = 0.09  # [rad²] of an angle of 2 rad, half of it in each piece
+    here, far = (
+        Arcs(np.array([0.2, 0.3]), np.array([angle, angle]), noise + form, "arcs") for angle in (1.0, 1.1)
+    )
+    assert unmoved(here, far)
+    here, far = (replace(route, form_variance=0.36) for route in (here, far))
+    assert here.noise_covariance == pytest.approx(noise)
+    assert not unmoved(here, far)
+    assert here.scaled(angle=0.5).noise_covariance[2:, 2:] == pytest.approx(0.25 * noise[2:, 2:])
+    assert between(here, far, 0.5).form_variance == pytest.approx(0.18)
+    assert not unmoved(here, route_of(json.loads(json.dumps(route_object(far)))))
 
 
 # --- between frames -----------------------------------------------------------------------------------------

@@ -102,8 +102,8 @@ def _over_rolls(shape: Shape, noise: float | None, offset: Matrix) -> tuple[Shap
     k = int(np.argmax(evidence))
     points, best = fits[k]
     more = added_variance(model_probabilities(evidence), angle, own, float(angle[k]), float(own[k]))
-    fit = best.fit.with_model_choice_variance(more)
-    return points, replace(best, fit=fit, model_choice_variance=best.model_choice_variance + more)
+    by_models = best.by_models._replace(angle=best.by_models.angle + more)
+    return points, replace(best, fit=best.fit.with_model_choice_variance(more), by_models=by_models)
 
 
 def _fitted(

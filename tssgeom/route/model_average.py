@@ -2,7 +2,8 @@
 
 Noisy points select neither the kind of model nor the number of pieces. The estimate is that of the selected
 model. Its variances are taken over all models that were tried, over their chains with straight pieces between
-the bends, which fit as well where noise hides them, and over what curvature may do between few points.
+the bends, which fit as well where noise hides them, over joints that blend and ends that are straight without
+moving a point by more than noise, and over what curvature may do between few points.
 """
 
 from __future__ import annotations
@@ -34,10 +35,11 @@ from tssgeom.route.model_choice import (
 )
 from tssgeom.route.observations import are_few
 from tssgeom.route.pieces import Arcs
-from tssgeom.route.resolution import SharedErrors
+from tssgeom.route.resolution import NO_ERRORS, SharedErrors
 from tssgeom.route.route_fit import RouteFit, Turned
 from tssgeom.route.spline.fit import Spline
 from tssgeom.route.steps import at_once
+from tssgeom.route.unresolved_curvature import unresolved_angle_variance
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,43 +143,47 @@ def averaged_over_models(fit: RouteFit, smooth: RouteFit, tried: Sequence[tuple[
     tried
         Chains that were fitted to the same points.
     """
-    angle, length = added_by_models(fit, smooth, tried)
-    return replace(SharedErrors(angle, length).of_models(fit), by_models=(angle, length))
+    added = added_by_models(fit, smooth, tried)
+    return replace(added.of_models(fit), by_models=tuple(added))
 
 
-def added_by_models(
-    fit: RouteFit, smooth: RouteFit, tried: Sequence[tuple[Data, Chain]]
-) -> tuple[float, float]:
-    """Variances of Φ [rad²] and of the length [m²] beside those of a fit, as above; (217), (238)."""
+def added_by_models(fit: RouteFit, smooth: RouteFit, tried: Sequence[tuple[Data, Chain]]) -> SharedErrors:
+    """Variances of Φ and of the length beside those of a fit, as above; (217), (238)."""
     return at_once(added_in_steps(fit, smooth, tried))
 
 
 def added_in_steps(
     fit: RouteFit, smooth: RouteFit, tried: Sequence[tuple[Data, Chain]]
-) -> Generator[float, None, tuple[float, float]]:
+) -> Generator[float, None, SharedErrors]:
     """Do as `added_by_models`, with a stop after each fit and each evidence."""
     if smooth.spline is None:
-        return 0.0, 0.0
+        return NO_ERRORS
     first = _different(tried)
-    models = list[ChainModel]()
+    models, chains = list[ChainModel](), list[tuple[Data, Chain]]()
     for data, chain in _different((*first, *(yield from with_straights(first)))):
-        if chain_follows(data, chain):
-            models.append(chain_model(data, chain, smooth.spline))
-            yield work_of_promises(data, chain)  # it takes about as long
-    models = [one for one in models if math.isfinite(sum(one[:5]))]  # a singular one leaves the others
+        if not chain_follows(data, chain):
+            continue
+        model = chain_model(data, chain, smooth.spline)
+        yield work_of_promises(data, chain)  # it takes about as long
+        if math.isfinite(sum(model[:5])):  # a singular one leaves the others
+            models.append(model)
+            chains.append((data, chain))
     probability = probabilities(models)
+    models, unresolved = models[: len(probability) - 1], 0.0
+    if models and fit.chain is not None:
+        unresolved = unresolved_angle_variance(*chains[int(np.argmax(probability[1:]))])
+        models = [one._replace(angle_variance=one.angle_variance + unresolved) for one in models]
     smooth_moments = _smooth_moments(smooth, smooth.spline)
-    every = [smooth_moments, *(one[:4] for one in models[: len(probability) - 1])]
+    every = [smooth_moments, *(one[:4] for one in models)]
     if smooth.turned:
         probability = with_turned(probability, smooth.turned)
         of_smooth = np.multiply(smooth_moments, (1.0, 0.0, 1.0, 0.0))
         every += [of_smooth + one[:4] for one in smooth.turned[:-1]]
     angle, own_angle, length, own_length = np.array(every).T
     about, known, length_about, length_known = _moments(fit.arcs)
-    return (
-        added_variance(probability, angle, own_angle, about, known),
-        added_variance(probability, length, own_length, length_about, length_known),
-    )
+    added = added_variance(probability, angle, own_angle, about, known)
+    longer = added_variance(probability, length, own_length, length_about, length_known)
+    return SharedErrors(added, longer, min(unresolved, added))
 
 
 def _moments(arcs: Arcs) -> tuple[float, float, float, float]:

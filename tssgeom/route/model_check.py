@@ -41,7 +41,7 @@ from tssgeom.route.model_choice import (
     preference,
 )
 from tssgeom.route.observations import Shape
-from tssgeom.route.resolution import SharedErrors
+from tssgeom.route.resolution import NO_ERRORS, SharedErrors
 from tssgeom.route.route_fit import RouteFit
 from tssgeom.route.spline.fit import Spline, fit_in_steps
 from tssgeom.route.time_filter import PointFilter
@@ -95,10 +95,8 @@ class TrackedFit:
     """Checks of the joints of a chain since they changed."""
     candidate: Chain | Spline | None = None
     """What may take over: a chain under trial, or the spline of the last trial."""
-    model_choice_variance: float = 0.0
-    """Variance of Φ from the choice between the two [rad²]."""
-    model_length_variance: float = 0.0
-    """The same of the length [m²]."""
+    by_models: SharedErrors = NO_ERRORS
+    """Variances from the choice between the two, and from forms that no point shows."""
     trials: int = 0
     """Checks that the candidate chain has gone through."""
     run: CheckRun | None = None
@@ -133,16 +131,11 @@ class TrackedFit:
     @classmethod
     def of(cls, fit: RouteFit, index: Vector) -> TrackedFit:
         """Begin with a fit that was made from nothing."""
-        return cls(fit, index).with_model_variances(fit.by_models)
-
-    def with_model_variances(self, added: tuple[float, float]) -> TrackedFit:
-        """Return it with other variances of Φ [rad²] and length [m²] from the choice between the two."""
-        return replace(self, model_choice_variance=added[0], model_length_variance=added[1])
+        return cls(fit, index, by_models=SharedErrors(*fit.by_models))
 
     def beside(self, fit: RouteFit) -> RouteFit:
         """Return the fit of a later frame with these variances added."""
-        errors = SharedErrors(self.model_choice_variance, self.model_length_variance)
-        return replace(errors.of_models(fit), turned=self.fit.turned)
+        return replace(self.by_models.of_models(fit), turned=self.fit.turned)
 
     def with_check(self, check: ModelCheck | None) -> TrackedFit:
         """Begin a check, where there is one."""
@@ -249,7 +242,7 @@ def _spline_tried(check: ModelCheck, data: Data, chain: Chain, begun: TrackedFit
     yield work_of_promises(data, chain)
     added = yield from added_in_steps(smooth if taken else arcs, smooth, [(data, chain)])
     if taken:
-        return partial(_taken_over, TrackedFit(smooth, check.shape.index).with_model_variances(added))
+        return partial(_taken_over, TrackedFit(smooth, check.shape.index, by_models=added))
     return partial(_not_taken_over, -difference, spline, added)
 
 
@@ -261,14 +254,13 @@ def _taken_over(taken: TrackedFit, now: TrackedFit) -> TrackedFit:
 
 
 def _not_taken_over(
-    difference: float, candidate: Spline | None, added: tuple[float, float], now: TrackedFit
+    difference: float, candidate: Spline | None, added: SharedErrors, now: TrackedFit
 ) -> TrackedFit:
     """Keep the model. `difference` is the candidate's log evidence less that of the model [2 ln]."""
     interval = SCHEDULE.first_interval
     if difference < CHOICE.hopeless:
         interval = min(2 * now.interval, SCHEDULE.longest_interval)
-    now = replace(now, age=0, interval=interval, candidate=candidate, trials=0)
-    return now.with_model_variances(added)
+    return replace(now, age=0, interval=interval, candidate=candidate, trials=0, by_models=added)
 
 
 def _chain_tried(check: ModelCheck, begun: TrackedFit) -> Steps:
@@ -301,6 +293,6 @@ def _chain_tried(check: ModelCheck, begun: TrackedFit) -> Steps:
     yield work_of_promises(data, moved)
     added = yield from added_in_steps(arcs if taken else smooth, smooth, [(data, moved)])
     if taken:
-        begins = TrackedFit(arcs, check.shape.index, candidate=spline)
-        return partial(_taken_over, begins.with_model_variances(added))
+        begins = TrackedFit(arcs, check.shape.index, candidate=spline, by_models=added)
+        return partial(_taken_over, begins)
     return partial(_not_taken_over, difference, None, added)

@@ -26,6 +26,9 @@ class Arcs(Result):
     """Covariance of all lengths followed by all angles, 2k by 2k [m, rad]."""
     method: str
     """Estimator behind the pieces: "spline", "arcs", or "exact" for given numbers."""
+    form_variance: float = 0.0
+    """Part of the variance of Φ that comes from a form which no point shows, in `covariance` in proportion to
+    the angles: it is the same in each frame [rad²]."""
 
     @classmethod
     def exact(cls, length: Vector, angle: Vector) -> Arcs:
@@ -35,7 +38,8 @@ class Arcs(Result):
 
     def with_errors(self, factor: float) -> Arcs:
         """Return the pieces with all of their standard errors times a factor."""
-        return Arcs(self.length, self.angle, factor**2 * self.covariance, self.method)
+        square = factor**2
+        return replace(self, covariance=square * self.covariance, form_variance=square * self.form_variance)
 
     def scaled(self, length: float = 1.0, angle: float = 1.0) -> Arcs:
         """Return the pieces with all lengths and all angles times a factor each, as their errors are."""
@@ -48,7 +52,18 @@ class Arcs(Result):
             length=read_only(length * self.length),
             angle=read_only(angle * self.angle),
             covariance=covariance,
+            form_variance=angle**2 * self.form_variance,
         )
+
+    @property
+    def noise_covariance(self) -> Matrix:
+        """Covariance of what differs from frame to frame, as `covariance`: without that of the form."""
+        if self.form_variance == 0.0 or self.total_angle == 0.0:
+            return self.covariance
+        k = len(self.length)
+        covariance = np.array(self.covariance)
+        covariance[k:, k:] -= spread_over(self.angle, self.form_variance)
+        return covariance
 
     @property
     def kappa(self) -> Vector:

@@ -105,7 +105,8 @@ def _with_total(fit: RouteFit, angle: float) -> RouteFit:
     covariance = np.array(fit.arcs.covariance)
     covariance[k:] = 0.0
     covariance[:, k:] = 0.0
-    arcs = replace(fit.arcs, angle=read_only(fit.arcs.angle * share), covariance=read_only(covariance))
+    turned = read_only(fit.arcs.angle * share)
+    arcs = replace(fit.arcs, angle=turned, covariance=read_only(covariance), form_variance=0.0)
     return fit.scaled(share, arcs)
 
 

@@ -48,6 +48,8 @@ class SharedErrors(NamedTuple):
     """Of Φ [rad²]."""
     length: float
     """Of the length [m²]."""
+    form: float = 0.0
+    """Part of that of Φ for a form that no point shows [rad²]; docs/model.md (267)."""
 
     def on(self, arcs: Arcs) -> Arcs:
         """Add them to those of the pieces in proportion to angles and lengths, of no angle to lengths."""
@@ -73,7 +75,9 @@ class SharedErrors(NamedTuple):
 
     def of_models(self, fit: RouteFit) -> RouteFit:
         """Add what other models add to a fit; the angle that a straight route may have is that of (124)."""
-        return self._replace(angle=0.0).beside(fit.with_model_choice_variance(self.angle))
+        fit = self._replace(angle=0.0).beside(fit.with_model_choice_variance(self.angle))
+        form = fit.arcs.form_variance + self.form
+        return replace(fit, arcs=replace(fit.arcs, form_variance=form)) if self.form > 0.0 else fit
 
 
 NO_ERRORS = SharedErrors(0.0, 0.0)

@@ -111,8 +111,9 @@ class RouteFit(Result):
     """ln of the evidence of the observations."""
     warnings: tuple[str, ...] = ()
     """What the user should know of the fit."""
-    by_models: tuple[float, float] = (0.0, 0.0)
-    """What not knowing the model adds to the variances of Φ [rad²] and of the length [m²], for few points."""
+    by_models: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """What not knowing the model adds to the variances of Φ [rad²] and of the length [m²], and the part
+    of the former for a form that no point shows [rad²]."""
     turned: tuple[Turned, ...] = ()
     """What few points allow beside the smooth fit, by priors of which the last one is smooth."""
     resolution: float = 0.0

@@ -20,7 +20,9 @@ def unmoved(before: Arcs, now: Arcs) -> bool:
     The accumulated curve angle is compared at even shares of the length, and the length itself.
     """
     return bool(
-        core.is_unmoved(before.length, before.angle, before.covariance, now.length, now.angle, now.covariance)
+        core.is_unmoved(
+            before.length, before.angle, before.noise_covariance, now.length, now.angle, now.noise_covariance
+        )
     )
 
 
@@ -61,7 +63,8 @@ def between(first: Arcs, second: Arcs, share: float) -> Arcs:
     covariance += share**2 * far @ second.covariance @ far.T
     cells = len(edges) - 1
     method = first.method if share < 0.5 else second.method
-    return Arcs(read_only(values[:cells]), read_only(values[cells:]), read_only(covariance), method)
+    form = (1 - share) ** 2 * first.form_variance + share**2 * second.form_variance
+    return Arcs(read_only(values[:cells]), read_only(values[cells:]), read_only(covariance), method, form)
 
 
 def _values(arcs: Arcs) -> Vector:
