@@ -53,6 +53,17 @@ def test_noisy_readings_are_met_within_the_intervals():
         assert reach < 0.02 * abs(value) + 0.02 * (name == "tension_out_offset"), name
 
 
+def test_a_zero_as_large_as_the_readings_is_fitted():
+    run, zero = run_of(noise=0.03), 0.05  # some twenty times the stretch
+    off = Measured(run.time, run.tension_in, None, run.tension_out, run.elongation + zero)
+    result, other = calibrate(off, HALF, Rig()), calibrate(run, HALF, Rig())
+    assert result.failures == ()
+    assert result.estimates["elongation_offset"].value == pytest.approx(SLACK + zero, abs=5e-5)
+    mu, rho = (result.estimates[name].value for name in ("friction", "compliance"))
+    assert mu == pytest.approx(other.estimates["friction"].value, rel=1e-4)
+    assert rho == pytest.approx(other.estimates["compliance"].value, rel=1e-4)
+
+
 def test_an_uncertain_angle_widens_the_interval_of_the_friction_as_much():
     """Friction and a gain of all angles are tied: only μΦ is identifiable."""
     sure = calibrate(run_of(noise=0.03), HALF, Rig()).estimates["friction"]

@@ -6,15 +6,16 @@ The model of the run and its fit are those of `discover`; docs/model.md (70), (7
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from tssgeom.arrays import Vector, read_only
+from tssgeom.effects.kinds import PATHS
 from tssgeom.errors import SettingsError
 from tssgeom.identify.campaign import Route
-from tssgeom.identify.fit import Point, with_base
+from tssgeom.identify.fit import Point
 from tssgeom.identify.prediction import Stack, run_channels, stacked
 from tssgeom.identify.readings import Reading, at_times, in_order, with_added
 from tssgeom.identify.turning import Legs, legs, with_turns
@@ -52,8 +53,6 @@ class RunLimits:
     """Readings of a position as drive; a longer run is thinned; chosen, for the speed of an earlier model."""
     least_response: int = 10
     """Readings of a channel that counts; chosen."""
-    most_turns: int = 8
-    """Turns of the drive whose level is fitted; chosen."""
     floor: float = 0.4
     """Of the highest tension: the elongation counts above it at the latest [1]; chosen."""
     floor_out: float = 0.1
@@ -61,31 +60,19 @@ class RunLimits:
 
 
 @dataclass(frozen=True, slots=True)
-class ZeroPriors:
-    """What is assumed of the zeros of a run beforehand. All are chosen: wide beside what a run shows."""
+class TakeUpPrior:
+    """What is assumed of the slack of a run beforehand. All are chosen, on what the paper's rig shows."""
 
-    tension_out: float = 0.2
-    """Standard deviation of the zero of T_out, of the highest tension [1], where the tension drives."""
-    tension_out_N: float = 2.0
-    """The same where the position drives [N]."""
-    elongation_m: float = 10e-3
-    """Standard deviation of the zero of the elongation [m], where the tension drives."""
-    encoder_m: float = 2e-3
-    """Standard deviation of the zero of the encoder [m], where the position drives."""
-    take_up_m: float = 3e-3
+    slack_m: float = 3e-3
     """Standard deviation of the slack that is taken up [m]; the paper's is 1.69 mm."""
-    take_up_N: float = 1.3
+    scale_N: float = 1.3
     """Tension over which it is taken up [N]; the paper's is linear from 4 N on."""
-    take_up_factor: float = 0.5
+    factor: float = 0.5
     """Standard deviation of its logarithm [1]."""
-    least_friction: float = 0.01
-    """Friction about which the fit starts at least [1]."""
-    least_compliance: float = 1e-6
-    """Compliance about which the fit starts at least [1/N]."""
 
 
 RUN_LIMITS = RunLimits()
-ZERO_PRIORS = ZeroPriors()
+_TAKE_UP = TakeUpPrior()
 NAMES = {"tension_out_N": "tension_out", "elongation_m": "elongation", "displacement_in_m": "elongation"}
 """Channels as users of calibration see them."""
 
@@ -119,8 +106,7 @@ class CalibratedRun:
     @property
     def shows_stretch(self) -> bool:
         """Whether compliance shows in the run."""
-        paths = {"elongation_m", "displacement_in_m"}
-        return self.reading.drive == "displacement_in_m" or bool(paths & self.reading.measured.keys())
+        return self.reading.drive == "displacement_in_m" or not self.reading.measured.keys().isdisjoint(PATHS)
 
     def stack(self) -> Stack:
         """Return the readings as one vector."""
@@ -208,16 +194,9 @@ def calibrated_run(measured: Measured, arcs: Arcs, rig: Rig, from_tension: float
     route = Route("the route", arcs, nowhere, np.zeros(0))
     noise = {drive: drive_legs.noise} | dict.fromkeys(answers, 1.0)
     reading = Reading("the run", route, False, drive, given, answers, noise)
-    errors = drive_legs.turn_se[: RUN_LIMITS.most_turns].tolist() if by_force else []
-    zeros = tuple(_zeros(set(answers), errors, float(values.max()), by_force))
+    zeros = tuple(_zeros(counting, drive_legs, by_force))
     warnings = tuple(_warnings(reading, measured, rig, spring, len(turns) > 0))
     return CalibratedRun(reading, zeros, drive_legs, warnings)
-
-
-def start_rig(rig: Rig) -> Rig:
-    """Return the rig about which the fit starts: neither friction nor compliance is zero."""
-    friction = max(rig.friction.coefficient, ZERO_PRIORS.least_friction)
-    return with_base(rig, friction, max(rig.tendon.compliance_per_N, ZERO_PRIORS.least_compliance))
 
 
 def _check_stretch(measured: Measured, arcs: Arcs) -> None:
@@ -258,20 +237,22 @@ def _once(readings: Vector) -> np.ndarray:
     return (edges[:-1] + edges[1:] - 1) // 2
 
 
-def _zeros(answers: set[str], turns: list[float], highest: float, by_force: bool) -> Iterator[Zero]:
-    """Yield what is fitted beside friction and compliance."""
-    prior, paths = ZERO_PRIORS, answers & {"elongation_m", "displacement_in_m"}
+def _zeros(answers: Mapping[str, Vector], drive: Legs, by_force: bool) -> Iterator[Zero]:
+    """Yield what is fitted beside friction and compliance: a zero may be as far off as its channel reads."""
+    paths = [values for name, values in answers.items() if name in PATHS]
     if "tension_out_N" in answers:
-        yield Zero(
-            "tension_out_offset", "N", prior.tension_out * highest if by_force else prior.tension_out_N
-        )
+        yield Zero("tension_out_offset", "N", _largest(answers["tension_out_N"]))
     if paths or not by_force:
-        yield Zero("elongation_offset", "m", prior.elongation_m if by_force else prior.encoder_m)
+        yield Zero("elongation_offset", "m", _largest(paths[0] if by_force else drive.values))
     if paths and by_force:
-        yield Zero("take_up", "m", prior.take_up_m)
-        yield Zero("take_up_tension", "N", prior.take_up_factor, prior.take_up_N)
-    for k, sd in enumerate(turns):
-        yield Zero(f"turn_{k + 1}", "N", max(sd, 1e-6))
+        yield Zero("take_up", "m", _TAKE_UP.slack_m)
+        yield Zero("take_up_tension", "N", _TAKE_UP.factor, _TAKE_UP.scale_N)
+    for k, sd in enumerate(drive.fitted_se if by_force else ()):
+        yield Zero(f"turn_{k + 1}", "N", sd)
+
+
+def _largest(readings: Vector) -> float:
+    return float(np.nanmax(np.abs(readings)))
 
 
 def _warnings(reading: Reading, measured: Measured, rig: Rig, spring: bool, turns: bool) -> Iterator[str]:

@@ -17,14 +17,18 @@ from tssgeom.arrays import Matrix, Vector, read_only
 from tssgeom.core.constants import CHANCE
 from tssgeom.effects import TensionOutOffset
 from tssgeom.errors import FitError, SettingsError
-from tssgeom.identify.calibrated_run import (
-    NAMES,
-    CalibratedRun,
-    Measured,
-    calibrated_run,
+from tssgeom.identify.calibrated_run import NAMES, CalibratedRun, Measured, calibrated_run
+from tssgeom.identify.fit import (
+    Fit,
+    Point,
+    Problem,
+    Whitening,
+    columns,
+    prior_sd,
+    refined,
     start_rig,
+    unshared,
 )
-from tssgeom.identify.fit import Fit, Point, Problem, Whitening, columns, prior_sd, refined, unshared
 from tssgeom.identify.fit_quality import (
     FIT_TEST,
     ROBUST,

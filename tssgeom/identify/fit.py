@@ -22,6 +22,7 @@ from tssgeom.identify.readings import Reading
 from tssgeom.least_squares import SOLVER, derivatives, solve
 from tssgeom.least_squares import Problem as LeastSquares
 from tssgeom.rig import Friction, Rig
+from tssgeom.uncertain import UNKNOWNS
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,6 +153,12 @@ def with_base(rig: Rig, friction: float, compliance: float) -> Rig:
     """Return the rig with another coefficient of friction [1] and compliance [1/N]."""
     tendon = changed(rig.tendon, compliance_per_N=compliance)
     return changed(rig, friction=Friction(coefficient=friction), tendon=tendon)
+
+
+def start_rig(rig: Rig) -> Rig:
+    """Return the rig about which a fit starts: its friction and compliance are no less than rigs have."""
+    least = [UNKNOWNS[key].value(-CHANCE.rare) for key in ("friction.coefficient", "tendon.compliance_per_N")]
+    return with_base(rig, max(rig.friction.coefficient, least[0]), max(rig.tendon.compliance_per_N, least[1]))
 
 
 def freed(effect: AnyEffect, which: int, length: float, only: tuple[str, ...] = ()) -> Iterator[Free]:

@@ -10,6 +10,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from scipy.special import ndtr
 
+from tssgeom.identify.fit import start_rig
 from tssgeom.identify.machine_run import LIMITS, MachineRun
 from tssgeom.rig import Rig
 from tssgeom.uncertain import Prior, Uncertain, assumed
@@ -35,8 +36,9 @@ class Parameter(NamedTuple):
 def parameters_of(runs: Sequence[MachineRun], rig: Rig, uncertain: Sequence[Uncertain]) -> list[Parameter]:
     """Return everything that is fitted: of the rig what is not certain, of each run its zeros and start."""
     stated = {each.key: each.prior for each in uncertain}
-    stated.setdefault("friction.coefficient", assumed("", max(rig.friction.coefficient, 0.01), 0.15))
-    soft = max(rig.tendon.compliance_per_N, 1e-6)
+    start = start_rig(rig)
+    stated.setdefault("friction.coefficient", assumed("", start.friction.coefficient, 0.15))
+    soft = start.tendon.compliance_per_N
     stated.setdefault("tendon.compliance_per_N", assumed("", soft, soft))
     gain, own = rig.shape.angle_gain_sd, list[Parameter]()
     if "route.angle_rad" not in stated and rig.route.angle_rad is None:
@@ -92,8 +94,8 @@ def _of_run(run: MachineRun, k: int, runs: int, rig: Rig) -> Iterator[Parameter]
         motion = run.given["motor_angle_rad"]
         prior = Prior(float(motion[0]), LIMITS.zero * float(np.ptp(motion)), log=False)
         yield Parameter(f"zero of motor_angle_rad{of}", "rad", prior, "given zero", k, "motor_angle_rad")
-    for turn, sd in enumerate(run.legs.turn_se[: LIMITS.most_turns] if run.legs is not None else ()):
-        prior = Prior(0.0, max(float(sd), 1e-6), log=False)
+    for turn, sd in enumerate(run.legs.fitted_se if run.legs is not None else ()):
+        prior = Prior(0.0, sd, log=False)
         yield Parameter(f"turn {turn + 1} of the drive{of}", "N", prior, "turn", k, str(turn))
     for which in range(run.tendons):
         name = f"friction of tendon {which + 1} at the start{of}"

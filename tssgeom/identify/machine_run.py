@@ -35,8 +35,6 @@ class MachineRunLimits:
     """Samples that a run needs, and readings of a channel; chosen: a short run serves beside others."""
     turn: float = 0.2
     """Of the range of the drive: going back by more ends a cycle [1]; chosen."""
-    most_turns: int = 12
-    """Turns of a tension that drives whose level is fitted; chosen."""
     zero: float = 0.3
     """Standard deviation of the zero of a channel, of its range [1]; chosen."""
 

@@ -29,6 +29,8 @@ class LegSettings:
     """Of the range of the drive: going back by less is ripple [1]; chosen."""
     longest_stair: int = 8
     """Readings of one value that digits and pooling make; longer ones are holds; chosen."""
+    most_turns: int = 12
+    """Turns whose level is fitted; chosen: each takes as long as a number of the rig."""
 
 
 LEGS = LegSettings()
@@ -48,6 +50,11 @@ class Legs:
     """[m] Their standard errors [N]."""
     noise: float
     """Standard deviation of one reading [N]."""
+
+    @property
+    def fitted_se(self) -> list[float]:
+        """Standard deviations of the levels that are fitted, those of the first turns [N]."""
+        return np.maximum(self.turn_se[: LEGS.most_turns], 1e-6).tolist()
 
 
 def legs(readings: Vector, time: Vector) -> Legs:
