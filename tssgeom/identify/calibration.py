@@ -30,11 +30,11 @@ from tssgeom.identify.fit import (
     unshared,
 )
 from tssgeom.identify.fit_quality import (
-    FIT_TEST,
     ROBUST,
     ChannelFit,
     failures,
     first_weights,
+    is_identified,
     misfits,
     squares,
     weights_of,
@@ -251,7 +251,8 @@ def _calibration(fit: _Fit, of_route: Matrix, warnings: tuple[str, ...]) -> Cali
     effective = counts / fit.inflation
     quantile = float(student.ppf(0.975, max(float(effective.sum()) - fit.at.size, 2.0)))
     half = quantile * np.sqrt(np.diag(fit.covariance + of_route))
-    observable = np.sqrt(np.diag(fit.covariance)) < FIT_TEST.unobserved * prior_sd(fit.at)
+    spread = np.sqrt(np.diag(fit.covariance))
+    observable = [is_identified(*pair) for pair in zip(spread, prior_sd(fit.at), strict=True)]
     channels = tuple(
         ChannelFit(
             NAMES[block.channel],
@@ -278,16 +279,16 @@ def _calibration(fit: _Fit, of_route: Matrix, warnings: tuple[str, ...]) -> Cali
     )
 
 
-def _estimates(fit: _Fit, half: Vector, observable: np.ndarray) -> Iterator[Estimate]:
+def _estimates(fit: _Fit, half: Vector, observable: Sequence[bool]) -> Iterator[Estimate]:
     """Yield every number with its interval; one that no channel shows has neither."""
     base = [("friction", "1", fit.at.friction), ("compliance", "1/N", fit.at.compliance)]
     stretch = fit.run.shows_stretch
     for k, (name, unit, value) in enumerate(base if stretch else base[:1]):
         low, high = value * math.exp(-half[k]), value * math.exp(half[k])
-        yield Estimate(name, value, unit, low, high, bool(observable[k]), _why(bool(observable[k]), name))
+        yield Estimate(name, value, unit, low, high, observable[k], _why(observable[k], name))
     for k, (zero, u) in enumerate(zip(fit.run.zeros, fit.at.zeros, strict=True), start=2):
         value, low, high = (zero.value(each) for each in (u, u - half[k], u + half[k]))
-        shows, bound = bool(observable[k]), abs(u) >= CHANCE.clear and not zero.name.startswith("turn")
+        shows, bound = observable[k], abs(u) >= CHANCE.clear and not zero.name.startswith("turn")
         yield Estimate(zero.name, value, zero.unit, low, high, shows, _why(shows, zero.name), bound)
     fitted = {zero.name for zero in fit.run.zeros}
     missing = [] if stretch else [("compliance", "1/N")]

@@ -24,16 +24,11 @@ class FitTest:
     also beyond `most_of_noise` [1]."""
     most_of_noise: float = 5.0
     """Chosen: five standard deviations. Rms of residuals over the noise of the readings [1]."""
-    sound: float = 2.5
-    """Measured: sound runs of `benchmarks.calibration` leave at most 2.2. Rms of residuals over the noise
-    from which there is a warning [1]."""
-    unobserved: float = 0.5
-    """Chosen: the readings count for less than what was assumed. Of the prior's standard deviation: a wider
-    posterior means that no reading shows the number [1]."""
-    most_lags: int = 20
-    """Cited: Box, Jenkins and Reinsel, Time series analysis (1994). Lags of the test of whiteness [1]."""
-    rows_a_lag: int = 5
-    """Cited: the same. Least readings for each lag [1]."""
+
+    @property
+    def sound(self) -> float:
+        """Half of what fails, beyond the 2.2 that sound runs of `benchmarks.calibration` leave [1]."""
+        return 0.5 * self.most_of_noise
 
 
 FIT_TEST = FitTest()
@@ -104,16 +99,22 @@ def whiteness(left: Vector) -> float:
 
     Notes
     -----
-    Source: Ljung and Box, Biometrika 65 (1978) 297: Q = n (n + 2) Σ r_k² / (n - k) over the lags k is χ².
+    Source: Ljung and Box, Biometrika 65 (1978) 297: Q = n (n + 2) Σ r_k² / (n - k) over the lags k is χ²;
+    20 lags, of five readings each at least: Box, Jenkins and Reinsel, Time series analysis (1994).
     """
     n = len(left)
-    lags = min(FIT_TEST.most_lags, n // FIT_TEST.rows_a_lag)
+    lags = min(20, n // 5)
     off = left - left.mean() if n else left
     power = float(off @ off)
     if lags < 1 or power <= 0.0:
         return 1.0
     square = sum(float(off[k:] @ off[:-k]) ** 2 / (n - k) for k in range(1, lags + 1))
     return float(chi2.sf(n * (n + 2) * square / power**2, lags))
+
+
+def is_identified(sd: float, assumed: float = 1.0) -> bool:
+    """Whether readings have halved the standard deviation that was assumed of a number."""
+    return bool(sd < 0.5 * assumed)
 
 
 def failures(

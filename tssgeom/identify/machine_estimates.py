@@ -12,7 +12,7 @@ from scipy.stats import t as student
 
 from tssgeom.arrays import Vector
 from tssgeom.core.constants import CHANCE
-from tssgeom.identify.fit_quality import FIT_TEST, ChannelFit, failures, misfits, whiteness
+from tssgeom.identify.fit_quality import ChannelFit, failures, is_identified, misfits, whiteness
 from tssgeom.identify.machine_held_out import NOTHING_HELD_OUT, HeldOut, contradictions
 from tssgeom.identify.machine_parameters import route_numbers
 from tssgeom.identify.machine_posterior import Posterior, posterior_of
@@ -127,7 +127,7 @@ def _estimates(problem: Problem, posterior: Posterior) -> Iterator[MachineEstima
         key = each.key if each.kind == "rig" else ""
         bound = bool(key) and abs(u[j]) >= CHANCE.rare
         yield MachineEstimate(
-            each.name, each.unit, value, low, high, sd < FIT_TEST.unobserved, prior, key, at_bound=bound
+            each.name, each.unit, value, low, high, is_identified(sd), prior, key, at_bound=bound
         )
 
 
@@ -149,7 +149,7 @@ def _friction_angle(problem: Problem, posterior: Posterior) -> MachineEstimate:
     (sd, *ends), before = posterior.of(share), float(np.linalg.norm(share))
     low, high = (value * math.exp(end - float(share @ u)) for end in ends)
     assumed = (value * math.exp(-NORMAL_95 * before), value * math.exp(NORMAL_95 * before))
-    return MachineEstimate("μΦ", "1", value, low, high, sd < FIT_TEST.unobserved * before, assumed)
+    return MachineEstimate("μΦ", "1", value, low, high, is_identified(sd, before), assumed)
 
 
 def _ties(problem: Problem, posterior: Posterior) -> Iterator[str]:
@@ -158,7 +158,7 @@ def _ties(problem: Problem, posterior: Posterior) -> Iterator[str]:
     wide = [
         j
         for j, each in enumerate(problem.parameters)
-        if each.kind == "rig" and each.prior.log and posterior.of(alone[j])[0] >= FIT_TEST.unobserved
+        if each.kind == "rig" and each.prior.log and not is_identified(posterior.of(alone[j])[0])
     ]
     for a, b in itertools.combinations(wide, 2):
         one, other = problem.parameters[a], problem.parameters[b]
