@@ -17,7 +17,7 @@ from tssgeom.errors import SettingsError
 from tssgeom.identify.campaign import Route
 from tssgeom.identify.fit import Point
 from tssgeom.identify.prediction import Stack, run_channels, stacked
-from tssgeom.identify.readings import Reading, at_times, in_order, with_added
+from tssgeom.identify.readings import READING, Reading, at_times, in_order, with_added
 from tssgeom.identify.turning import Legs, legs, with_turns
 from tssgeom.plausibility.limits import LIMITS as PLAUSIBLE
 from tssgeom.rig import Rig
@@ -50,9 +50,8 @@ class RunLimits:
     most_readings: int = 1500
     """Readings of a tension as drive; a longer run is thinned; chosen."""
     most_positions: int = 200
-    """Readings of a position as drive; a longer run is thinned; chosen, for the speed of an earlier model."""
-    least_response: int = 10
-    """Readings of a channel that counts; chosen."""
+    """Readings of a position as drive; a longer run is thinned; chosen: of 400 readings, intervals of ρ hold
+    three quarters of the runs of `benchmarks.calibration`, of 200 nine in ten."""
     floor: float = 0.4
     """Of the highest tension: the elongation counts above it at the latest [1]; chosen."""
     floor_out: float = 0.1
@@ -178,7 +177,7 @@ def calibrated_run(measured: Measured, arcs: Arcs, rig: Rig, from_tension: float
     counting = dict(_counting(measured, kept, values if by_force else None, floor, spring))
     if not counting:
         raise SettingsError(
-            f"no response with {RUN_LIMITS.least_response} readings above {floor:g} N: "
+            f"no response with {READING.fewest} readings above {floor:g} N: "
             "give tension_out_N, elongation_m or both"
         )
     added = np.zeros(len(values) + (len(turns) if by_force else 0), dtype=bool)
@@ -225,7 +224,7 @@ def _counting(
         taut = True if tension is None else tension >= least
         used = np.flatnonzero(np.isfinite(column[kept]) & taut)
         used = used[_once(column[kept][used])]
-        if len(used) >= RUN_LIMITS.least_response:
+        if len(used) >= READING.fewest:
             out = np.full(len(kept), np.nan)
             out[used] = column[kept][used]
             yield name, out

@@ -27,9 +27,9 @@ from tssgeom.identify.machine_fit import fit_from, start_of
 from tssgeom.identify.machine_parameters import parameters_of
 from tssgeom.identify.machine_parts import parts_of
 from tssgeom.identify.machine_problem import FIT, Problem, fitted_rows
-from tssgeom.identify.machine_run import LIMITS, MachineRun, thinned
+from tssgeom.identify.machine_run import MachineRun, thinned, turns_of
 from tssgeom.identify.machine_selection import PartSelection, selected_parts, without_zeros
-from tssgeom.statistics import EVIDENCE_SCALE, turns
+from tssgeom.statistics import EVIDENCE_SCALE
 from tssgeom.tendon.machine_simulation import drive_channels
 from tssgeom.threads import single_threaded
 
@@ -125,7 +125,7 @@ def parted_runs(
 def _every_other(run: MachineRun) -> tuple[np.ndarray, str]:
     """Return which samples of one run are held out, and what they are in words."""
     motion = run.given[drive_channels(run.drive, run.tendons)[0]]
-    edges = turns(motion, LIMITS.turn * float(np.ptp(motion)))
+    edges = turns_of(motion)
     out = np.zeros(len(motion), dtype=bool)
     if len(edges) >= 5:
         for first in range(2, len(edges) - 1, 4):

@@ -16,7 +16,7 @@ from tssgeom.identify.fit_quality import ChannelFit, failures, is_identified, mi
 from tssgeom.identify.machine_held_out import NOTHING_HELD_OUT, HeldOut, contradictions
 from tssgeom.identify.machine_parameters import route_numbers
 from tssgeom.identify.machine_posterior import Posterior, posterior_of
-from tssgeom.identify.machine_problem import FIT, FitState, Problem
+from tssgeom.identify.machine_problem import FitState, Problem
 from tssgeom.identify.machine_run import MachineRun
 from tssgeom.result import Result
 from tssgeom.rig import Rig, with_values
@@ -165,7 +165,7 @@ def _ties(problem: Problem, posterior: Posterior) -> Iterator[str]:
         sign = -1.0 if covariance[a, b] > 0.0 else 1.0
         both = one.prior.sd * alone[a] + sign * other.prior.sd * alone[b]
         sd, *ends = posterior.of(both)
-        if sd >= FIT.tied * float(np.linalg.norm(both)):
+        if not is_identified(sd, float(np.linalg.norm(both)) / math.sqrt(2.0)):  # as one of them would be
             continue
         mid = one.value(u[a]) * other.value(u[b]) ** sign
         low, high = (mid * math.exp(end - float(both @ u)) for end in ends)

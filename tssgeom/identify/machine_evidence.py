@@ -20,11 +20,11 @@ from tssgeom.identify.machine_fit import fit_round, fitted_again
 from tssgeom.identify.machine_parameters import parameters_of, route_numbers
 from tssgeom.identify.machine_parts import Part
 from tssgeom.identify.machine_problem import FIT, FitState, Problem, fitted_rows
-from tssgeom.identify.machine_run import LIMITS, MachineRun
+from tssgeom.identify.machine_run import MachineRun, turns_of
 from tssgeom.mechanism import numbered
 from tssgeom.plausibility.limits import LIMITS as PLAUSIBLE
 from tssgeom.rig import Rig, with_values
-from tssgeom.statistics import NORMAL_95, reading_noise, root_mean_square, turns
+from tssgeom.statistics import NORMAL_95, reading_noise, root_mean_square
 from tssgeom.tendon.machine import Start, machine_of, routed
 from tssgeom.tendon.machine_simulation import drive_channels, simulate_machine
 
@@ -260,7 +260,7 @@ def _creates(model: FittedModel) -> Iterator[str]:
             )
         except (FitError, SettingsError):
             return
-        edges = turns(given[drive_channels(run.drive, run.tendons)[0]], _back(run))
+        edges = turns_of(given[drive_channels(run.drive, run.tendons)[0]])
         names = [list(numbered(name, machine.count)) for name in _WORK]
         for pull_in, way_in, pull_out, way_out in zip(*names, strict=True):
             if min(float(out[pull_in].min()), float(out[pull_out].min())) < -1e-9:
@@ -277,10 +277,6 @@ def _creates(model: FittedModel) -> Iterator[str]:
 
 
 _WORK = ("tension_in_N", "displacement_in_m", "tension_out_N", "displacement_out_m")
-
-
-def _back(run: MachineRun) -> float:
-    return LIMITS.turn * float(np.ptp(run.given[drive_channels(run.drive, run.tendons)[0]]))
 
 
 def _steps(pull: Vector, way: Vector) -> Vector:

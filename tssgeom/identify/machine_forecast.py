@@ -14,9 +14,8 @@ from tssgeom.identify.fit_quality import weights_of
 from tssgeom.identify.machine_evidence import FittedModel, contradicted, held_out_rises, modelled, worse
 from tssgeom.identify.machine_fit import fit_round, fitted_again
 from tssgeom.identify.machine_problem import fitted_rows
-from tssgeom.identify.machine_run import LIMITS, MachineRun
+from tssgeom.identify.machine_run import MachineRun, turns_of
 from tssgeom.identify.readings import READING
-from tssgeom.statistics import turns
 from tssgeom.tendon.machine_simulation import drive_channels
 
 
@@ -51,7 +50,7 @@ def _at_end(run: MachineRun) -> np.ndarray:
     """Return which samples are the end of a run, from a turn on where there are enough [n] bool."""
     motion = run.given[drive_channels(run.drive, run.tendons)[0]]
     first = round((1.0 - 1.0 / READING.cycles) * len(motion))
-    edges = turns(motion, LIMITS.turn * float(np.ptp(motion)))[1:-1]
+    edges = turns_of(motion)[1:-1]
     if len(edges) > 2:
         first = int(edges[np.argmin(np.abs(np.asarray(edges) - first))])
     return np.arange(len(motion)) > first

@@ -16,8 +16,10 @@ import numpy as np
 from scipy.special import ndtr
 
 from tssgeom.arrays import Matrix, Vector
+from tssgeom.core.constants import CHANCE
 from tssgeom.identify.machine_drive_errors import DriveErrors, drive_errors
 from tssgeom.identify.machine_problem import FIT, FitState, Problem
+from tssgeom.least_squares import SOLVER
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,8 +31,6 @@ class PosteriorSettings:
     is met by a straight line."""
     alike: float = 0.9
     """Correlation from which the posterior along one number is that along the other [1]; chosen."""
-    follows: float = 0.7
-    """Correlation from which a number goes with one that is followed [1]; derived: half of its variance."""
     most: int = 3
     """Numbers that are followed [1]; chosen for speed."""
     tested: float = 1.5
@@ -39,21 +39,17 @@ class PosteriorSettings:
     """Of this rise: difference up to which the law is normal [1]; chosen: 7 % of an interval."""
     step: float = 0.6
     """Standard deviations from one point to the next [1]; chosen: three of them in the half of a bell."""
-    deep: float = 12.0
-    """Rise of χ² at which the posterior ends [1]; derived: 2.5e-3 of its top."""
     points: int = 20
     """Points that are tried on each side [1]; chosen: three times what a normal law takes."""
     leap: float = 4.0
     """Rise of χ² from one point to the next from which the step is halved [1]; chosen."""
     least: float = 0.05
     """Standard deviations of the least step [1]; chosen."""
-    turns: int = 8
-    """Steps of the other numbers at each point, at most [1]; chosen: two or three are usual."""
-    converged: float = 0.05
-    """Fall of χ² that ends these [1]; chosen: a tenth of what moves an interval by a tenth."""
 
 
 POSTERIOR = PosteriorSettings()
+_FOLLOWS = math.sqrt(0.5)
+"""Correlation from which a number goes with one that is followed [1]: half of its variance."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +90,7 @@ class Posterior:
         of_drive, other = (float(share @ each @ share) for each in self.errors)
         sd, own = math.sqrt(max(float(share @ across), 1e-300)), np.sqrt(np.diag(self.covariance))
         strength = [abs(float(across[each.number])) / (sd * own[each.number]) for each in self.profiles]
-        if max(strength, default=0.0) < POSTERIOR.follows:
+        if max(strength, default=0.0) < _FOLLOWS:
             sd = math.sqrt(max(other + of_drive, 1e-300))
             return sd, middle - self.quantile * sd, middle + self.quantile * sd
         best = int(np.argmax(strength))
@@ -205,7 +201,7 @@ class _Along:
                 continue
             last, lowest = there.u - points[-1].u, min(lowest, there.chi2)
             points.append(there)
-            if there.chi2 - lowest > POSTERIOR.deep:
+            if there.chi2 - lowest > CHANCE.rare**2:
                 break
             step *= 1.0 if abs(rise) > 0.25 * POSTERIOR.leap else 1.5
         return points[1:]
@@ -218,7 +214,7 @@ class _Along:
         best, damping = self._at(u), 0.0
         if best is None:
             return None
-        for _ in range(POSTERIOR.turns):
+        for _ in range(SOLVER.passes):
             normal = np.asarray(self.slope.T @ self.slope, dtype=np.float64) + np.eye(len(best.u) - 1)
             scale = np.diag(normal)
             pull = np.asarray(-(self.slope.T @ best.residual + best.u[self.others]), dtype=np.float64)
@@ -231,12 +227,12 @@ class _Along:
                 mended = np.outer(off, scale * step) / float(step @ (scale * step))
                 self.slope = np.asarray(self.slope + mended, dtype=np.float64)
             if there is None or there.chi2 >= best.chi2:
-                if float(pull @ step) < POSTERIOR.converged:
+                if float(pull @ step) < SOLVER.converged:
                     break
                 damping = max(10.0 * damping, 0.1)
                 continue
             fall, best = best.chi2 - there.chi2, there
-            if fall < POSTERIOR.converged:
+            if fall < SOLVER.converged:
                 break
             damping *= 0.1
         return best

@@ -36,8 +36,6 @@ class MachineFitSettings:
     """Samples of each run; chosen."""
     close: float = 1e-4
     """Of χ²: fall that ends a round [1]; chosen: weights and bars change it by more from round to round."""
-    tied: float = 0.35
-    """Of the prior's: two numbers whose product is narrower, while neither is, are tied [1]; chosen."""
     most_at_start: int = 200
     """Samples of all runs together while the start is chosen, `least_at_start` each at least; chosen."""
     least_at_start: int = 50

@@ -14,6 +14,7 @@ from tssgeom.identify.readings import READING, with_added
 from tssgeom.identify.turning import Legs, legs, with_turns
 from tssgeom.mechanism import numbered, tendon_count
 from tssgeom.plausibility.kinds import Remark
+from tssgeom.plausibility.limits import LIMITS as PLAUSIBLE
 from tssgeom.plausibility.machines import direction_remarks, load_sign_remarks, sign_remarks
 from tssgeom.plausibility.rules import warnings_of
 from tssgeom.plausibility.series import Series
@@ -31,10 +32,6 @@ class MachineRunLimits:
 
     most_samples: int = 600
     """Samples of a run; a longer one is thinned, its turns stay; chosen for the speed of a fit."""
-    least_samples: int = 5
-    """Samples that a run needs, and readings of a channel; chosen: a short run serves beside others."""
-    turn: float = 0.2
-    """Of the range of the drive: going back by more ends a cycle [1]; chosen."""
     zero: float = 0.3
     """Standard deviation of the zero of a channel, of its range [1]; chosen."""
 
@@ -101,16 +98,16 @@ def machine_run(
         given_names.append(beside)
     sound = np.all([np.isfinite(columns[each]) for each in given_names], axis=0)
     rows = np.flatnonzero(sound)
-    if len(rows) < LIMITS.least_samples:
+    if len(rows) < READING.fewest:
         raise SettingsError(
-            f"{name}: {len(rows)} samples with {given_names[1]}: give {LIMITS.least_samples} or more"
+            f"{name}: {len(rows)} samples with {given_names[1]}: give {READING.fewest} or more"
         )
     most = most or LIMITS.most_samples
     pulled = drive_channels(drive, count) if drive == "tension_in" else ()
     noisy = noisy_inputs(columns, rows, [each for each in given_names[1:] if each not in pulled])
     given = {each: noisy.readings.get(each, columns[each][rows]) for each in given_names}
     motion = given[given_names[1]]
-    kept = _thinned(len(rows), turns(motion, LIMITS.turn * float(np.ptp(motion))), most)
+    kept = _thinned(len(rows), turns_of(motion), most)
     rows, given = rows[kept], {each: np.ascontiguousarray(values[kept]) for each, values in given.items()}
     pulls = {each: legs(given[each], given["time_s"]) for each in pulled}
     given |= {each: made.values for each, made in pulls.items()}
@@ -124,7 +121,7 @@ def machine_run(
         for each in answering(rig, count)
         if each in columns
         and each not in given_names
-        and np.isfinite(columns[each][rows]).sum() >= LIMITS.least_samples
+        and np.isfinite(columns[each][rows]).sum() >= READING.fewest
     }
     if not answers:
         known = ", ".join(each for each in answering(rig, count) if each not in given_names)
@@ -185,7 +182,7 @@ def thinned(run: MachineRun, most: int) -> MachineRun:
     if run.legs is not None:
         return run
     motion = run.given[drive_channels(run.drive, run.tendons)[0]]
-    at = _thinned(len(motion), turns(motion, LIMITS.turn * float(np.ptp(motion))), most)
+    at = _thinned(len(motion), turns_of(motion), most)
     given = {name: np.ascontiguousarray(values[at]) for name, values in run.given.items()}
     measured = {name: values[at] for name, values in run.measured.items()}
     noisy = run.inputs._replace(at=run.inputs.at[at])
@@ -199,9 +196,14 @@ def _thinned(samples: int, edges: np.ndarray, most: int) -> np.ndarray:
     return np.union1d(np.unique(np.linspace(0, samples - 1, most).round().astype(int)), edges)
 
 
+def turns_of(motion: Vector) -> np.ndarray:
+    """Return the samples at which a drive begins, turns and ends."""
+    return turns(motion, PLAUSIBLE.turn_share * float(np.ptp(motion)))
+
+
 def _held_out(motion: Vector) -> np.ndarray:
     """Return which samples belong to the last cycles of the drive."""
-    edges = turns(motion, LIMITS.turn * float(np.ptp(motion)))
+    edges = turns_of(motion)
     legs_made = len(edges) - 1
     out = np.zeros(len(motion), dtype=bool)
     if legs_made >= 4:
