@@ -16,13 +16,12 @@ from tssgeom.adapt.readings import Moment, noise_variance
 from tssgeom.adapt.rig_filter import RigFilter
 from tssgeom.errors import TssgeomError
 from tssgeom.least_squares import SOLVER, Problem, search
+from tssgeom.plausibility.limits import LIMITS
 
 
 class DiagnosisSettings(NamedTuple):
     """Numbers of the search for a mechanism."""
 
-    fewest: int = 20
-    """Readings that show that a sensor stands [1]; chosen."""
     still: float = 9.0
     """Noises within which all readings of a sensor that stands lie [1]; chosen: 1000 readings of noise lie
     in 7."""
@@ -174,7 +173,7 @@ def _standing(run: RunFromHere, sound: Ensemble) -> tuple[str, str] | None:
     for name, read, predicted in run.ranges(rig):
         others = [one for channel, one in distances.items() if channel != name]
         if (
-            len(read) >= DIAGNOSIS.fewest
+            len(read) >= LIMITS.fewest_rows
             and np.ptp(read) <= DIAGNOSIS.still
             and np.ptp(predicted) > DIAGNOSIS.moved
             and all(one < math.sqrt(DIAGNOSIS.senseless) for one in others)
@@ -263,7 +262,7 @@ def _stopped_sensor(sound: RigFilter, after: Sequence[Moment]) -> tuple[str, str
     """Return the sensor at the drive that stands while the other one there moves, and that in words."""
     late = grown(after)
     pairs = [(one.readings.displacement_in, one.readings.tension_in) for one in late]
-    if len(pairs) < DIAGNOSIS.fewest or any(None in pair for pair in pairs):
+    if len(pairs) < LIMITS.fewest_rows or any(None in pair for pair in pairs):
         return None
     names, units = ("displacement_in_m", "tension_in_N"), ("m", "N")
     readings = np.array(pairs, dtype=np.float64).T

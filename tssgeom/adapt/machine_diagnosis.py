@@ -24,6 +24,7 @@ from tssgeom.adapt.machine_filter import MachineFilter
 from tssgeom.adapt.moments import RUN, RunFromHere, grown
 from tssgeom.adapt.readings import Moment, noise_variance
 from tssgeom.arrays import Matrix
+from tssgeom.plausibility.limits import LIMITS
 from tssgeom.rig import Rig, Sensor
 from tssgeom.tendon.machine import machine_of, routed
 from tssgeom.tendon.machine_simulation import simulated
@@ -137,7 +138,7 @@ def _measured(sound: MachineFilter, moments: Sequence[Moment]) -> list[str]:
 def _stopped(sound: MachineFilter, after: Sequence[Moment]) -> tuple[str, str] | None:
     """Return the sensor that stands while the model says that it moves, or the drive while others move."""
     late = grown(after)
-    if len(late) < DIAGNOSIS.fewest:
+    if len(late) < LIMITS.fewest_rows:
         return None
     names = [*sound.drives, *_measured(sound, late)]
     read = np.array([[one.readings.values.get(name, math.nan) for name in names] for one in late]).T

@@ -50,17 +50,11 @@ class Limits:
     fitting_share: float = 0.5
     """Chosen: end fittings and straight parts take less. T_in that is lost without any bend [1]."""
     opposite: float = -0.5
-    """Chosen: hysteresis alone leaves a positive correlation. Correlation of two channels of one
-    motion [1]."""
-    of_direction: float = 0.5
-    """Chosen: a lag of a channel leaves less. Correlation of the motor's torque with its direction, beside
-    angle and load [1]."""
+    """Chosen: hysteresis alone leaves a positive correlation, and a lag a smaller one. Correlation of two
+    channels of one motion, and of the motor's torque with its direction, beside angle and load [1]."""
     explained: float = 0.8
     """Chosen: hysteresis and other tendons leave the rest. Bending that the pulls of a segment explain, of
     its size [1]."""
-    along: float = 0.87
-    """Chosen: the cosine of 30°, half of what a sixth of a turn is off. Bending along the directions of the
-    rig, of that which any directions explain [1]."""
     lag_share: float = 0.07
     """Chosen: the lags of sound runs are below it. Lag over the time of a leg of the drive [1]."""
     lag_rows: float = 3.0
@@ -91,6 +85,11 @@ class Limits:
     def usual_error(self) -> float:
         """What errors of gain or zero can make, of a range [1]."""
         return CHANCE.clear * self.slight
+
+    @property
+    def along(self) -> float:
+        """Half-way to a sixth of a turn off. Bending along the rig's directions, of what any explain [1]."""
+        return math.cos(math.pi / 6.0)
 
     @property
     def gross(self) -> float:

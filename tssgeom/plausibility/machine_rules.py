@@ -25,7 +25,7 @@ MACHINE_RULES: dict[str, Rule] = {
     ),
     "torque_sign": Rule(
         "the torque of the motor is less where it winds than where it lets out, at the same angle and load "
-        f"(correlation with its direction below {-_L.of_direction:g})",
+        f"(correlation with its direction below {_L.opposite:g})",
         {"run": "warn"},
         "Friction takes torque from the motor, whichever way it turns.",
         "change the sign of motor_torque_Nm, unless the load moves the motor; "

@@ -22,7 +22,7 @@ def sign_remarks(run: Series) -> Iterator[Remark]:
     """Yield which channel of a joint and its motor has the sign of its opposite."""
     drive = next((name for name in _DRIVES if name in run.channels and run.moves(name)), None)
     share = _share_of_direction(run)
-    inverted = share is not None and share < -LIMITS.of_direction
+    inverted = share is not None and share < LIMITS.opposite
     if drive is not None and _JOINT in run.channels and run.moves(_JOINT):
         together = correlation(run.means[drive], run.means[_JOINT])
         if together < LIMITS.opposite:
