@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
@@ -53,7 +53,7 @@ MACHINE_KEYS = (
     "end.play_rad",
 )
 """The same of a machine, beside `zero` and `gain` of each of its `sensors`."""
-SLOPE_STEP = 1e-3
+_SLOPE_STEP = 1e-3
 """Share of the scale of a number for its straight line [1]; chosen: rounding and bend are both far below."""
 _LEAST_SHARE = 0.01  # of an arm or a gain, below which none goes [1]; chosen: far from any that works
 _OF_RIG = (*RIG_KEYS, *MACHINE_KEYS, "sensors.")
@@ -248,9 +248,8 @@ def straight_lines(
 ) -> StraightLines:
     """Return plant and sensors about values [d] of the numbers, on a route with bars cut at `edge`."""
 
-    def at(values: Vector) -> tuple[Vector, Vector]:
-        kept = {one.key: float(value) for one, value in zip(numbers, values, strict=True)}
-        changed = with_numbers(rig, kept)
+    def at(values: Vector) -> Vector:
+        changed = with_values_of(rig, numbers, values)
         setup = setup_of(changed)
         bent = Arcs.exact(arcs.length, changed.route.angle_gain * arcs.angle)
         sensors = SensorNumbers(
@@ -260,15 +259,31 @@ def straight_lines(
             setup.tension_out_offset_N,
             setup.crosstalk,
         )
-        return model_of(setup, bent, "displacement_in_m", edge).plant.block, np.array(sensors)
+        return np.concatenate((model_of(setup, bent, "displacement_in_m", edge).plant.block, sensors))
 
-    plant, sensors = at(about)
-    slope, sensor_slope = np.empty((len(about), len(plant))), np.empty((len(about), _SENSORS))
+    first = at(about)
+    plant, sensors = np.split(first, [-_SENSORS])
+    parts = np.split(slopes(at, first, numbers, about), [-_SENSORS], axis=1)
+    slope, sensor_slope = map(np.ascontiguousarray, parts)
+    return StraightLines(about, plant, slope, sensors, sensor_slope)
+
+
+def slopes(
+    at: Callable[[Vector], Vector], first: Vector, numbers: Sequence[FollowedNumber], about: Vector
+) -> Matrix:
+    """Return what 1 of each number adds [d, k] to what `at` makes of all: of `about`, `first`."""
+    out = np.zeros((len(about), len(first)))
     for i, one in enumerate(numbers):
-        step = SLOPE_STEP * one.scale
+        step = _SLOPE_STEP * one.scale
         step = -step if about[i] + step > one.upper else step
         moved = about.copy()
         moved[i] += step
         there = at(moved)
-        slope[i], sensor_slope[i] = (there[0] - plant) / step, (there[1] - sensors) / step
-    return StraightLines(about, plant, slope, sensors, sensor_slope)
+        changes = there != first  # a blocked load is infinitely stiff
+        out[i, changes] = (there[changes] - first[changes]) / step
+    return out
+
+
+def with_values_of(rig: Rig, numbers: Sequence[FollowedNumber], values: Sequence[float] | Vector) -> Rig:
+    """Return a rig with other values of followed numbers, as `with_numbers`."""
+    return with_numbers(rig, {one.key: float(value) for one, value in zip(numbers, values, strict=True)})

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from tssgeom.adapt.followed_tendon import CARRY, OnSensedRoute
+from tssgeom.adapt.followed_tendon import OnSensedRoute
 from tssgeom.adapt.machine_filter import MachineFilter
-from tssgeom.adapt.readings import FollowedRig
 from tssgeom.core.constants_tendon_rows import MEMORY
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
@@ -22,13 +21,6 @@ class FollowedMachine(OnSensedRoute):
         super().__init__(rig)
         self._machine: Machine | None = None
         self._machine_of: tuple[Rig, Arcs] | None = None
-
-    def refresh(self, now: MachineFilter, known: FollowedRig) -> None:
-        """Build the rig anew where its numbers have changed."""
-        at = self._at
-        if at is not None and (np.abs(known.values - at) <= CARRY.moved * known.se).all():
-            return
-        self.rig, self._at = now.rig_now(), known.values
 
     def state(self, now: MachineFilter, way: int, time: float) -> CarriedMachine:
         """Return the mean machine at a time [s]; `way` is that of its first tendon until it slides."""

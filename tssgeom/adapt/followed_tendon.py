@@ -8,6 +8,7 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 
+from tssgeom.adapt.ensemble import Ensemble
 from tssgeom.adapt.readings import FollowedRig
 from tssgeom.adapt.rig_filter import RigFilter
 from tssgeom.arrays import Vector, read_only
@@ -69,6 +70,15 @@ class OnSensedRoute:
         self.sensed = arcs
         return arcs
 
+    def refresh(self, now: Ensemble, known: FollowedRig) -> None:
+        """Build the rig anew where its numbers have changed."""
+        at = self._at
+        if at is None or not (np.abs(known.values - at) <= CARRY.moved * known.se).all():
+            self.rig, self._at = self._built(now.rig_now()), known.values
+
+    def _built(self, rig: Rig) -> Rig:
+        return rig
+
     def restart(self, sensed: Arcs | None, rig: Rig) -> None:
         """Begin with another filter and its rig, its tendons on a route as sensed."""
         self._at, self.sensed, self.rig = None, sensed, rig
@@ -86,13 +96,8 @@ class FollowedTendon(OnSensedRoute):
         self._drive = (math.nan, True)
         self._way, self._front = 1, 0
 
-    def refresh(self, now: RigFilter, known: FollowedRig) -> None:
-        """Build the rig anew where its numbers have changed."""
-        at = self._at
-        if at is not None and (np.abs(known.values - at) <= CARRY.moved * known.se).all():
-            return
-        self.rig = msgspec.structs.replace(now.rig_now(), sensors=self._sensors)
-        self._at = known.values
+    def _built(self, rig: Rig) -> Rig:
+        return msgspec.structs.replace(rig, sensors=self._sensors)
 
     def felt(self, sensed: Arcs) -> Arcs:
         """Return the route as the tendon feels it, its angles times the rig's gain."""

@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 
 from tssgeom.adapt.ensemble import Ensemble
-from tssgeom.adapt.followed import FollowedNumber, with_numbers
+from tssgeom.adapt.followed import FollowedNumber, with_values_of
 from tssgeom.adapt.readings import Moment
 from tssgeom.adapt.rig_filter import RigFilter
 from tssgeom.effects.laws import FrictionLaw
@@ -70,8 +70,7 @@ class Hypothesis:
     def rig_with(self, values: Sequence[float]) -> Rig:
         """Return the rig with these values of the numbers."""
         if self.length == 0.0:
-            named = zip(self.numbers, values, strict=True)
-            return with_numbers(self.rig, {one.key: value for one, value in named})
+            return with_values_of(self.rig, self.numbers, values)
         x = self.length * (np.arange(len(values)) + 0.5) / len(values)
         law = FrictionLaw(
             over="arc_length", x=tuple(x.tolist()), factor=tuple(max(one, 0.01) for one in values)

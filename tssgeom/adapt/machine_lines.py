@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tssgeom.adapt.followed import SLOPE_STEP, FollowedNumber, with_numbers
+from tssgeom.adapt.followed import FollowedNumber, slopes, with_values_of
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.mechanism import per_motor_angle
 from tssgeom.rig import Rig, Sensor
@@ -96,22 +96,15 @@ def machine_lines(
 ) -> MachineLines:
     """Return a machine about values [d] of the numbers, on a route as sensed."""
 
-    def at(values: Vector) -> tuple[Machine, Matrix, MachineNumbers]:
-        kept = {one.key: float(value) for one, value in zip(numbers, values, strict=True)}
-        changed = with_numbers(rig, kept)
-        machine = machine_of(changed, [routed(arcs, changed)])
-        return machine, np.array([each.block for each in machine.plants]), _numbers(machine, channels)
+    def at(values: Vector) -> Machine:
+        changed = with_values_of(rig, numbers, values)
+        return machine_of(changed, [routed(arcs, changed)])
 
-    machine, plant, first = at(about)
-    flat = np.concatenate(first)
-    slope, number_slope = np.zeros((len(about), plant.size)), np.zeros((len(about), len(flat)))
-    for i, one in enumerate(numbers):
-        step = SLOPE_STEP * one.scale
-        step = -step if about[i] + step > one.upper else step
-        moved = about.copy()
-        moved[i] += step
-        _, there, other = at(moved)
-        changes = there != plant  # a blocked load is infinitely stiff
-        slope[i].reshape(plant.shape)[changes] = (there[changes] - plant[changes]) / step
-        number_slope[i] = (np.concatenate(other) - flat) / step
+    def flat(machine: Machine) -> Vector:
+        return np.concatenate([*(each.block for each in machine.plants), *_numbers(machine, channels)])
+
+    machine = at(about)
+    plant, first = np.array([each.block for each in machine.plants]), _numbers(machine, channels)
+    both = slopes(lambda values: flat(at(values)), flat(machine), numbers, about)
+    slope, number_slope = map(np.ascontiguousarray, np.split(both, [plant.size], axis=1))
     return MachineLines(about, machine, plant, slope, first, number_slope)
