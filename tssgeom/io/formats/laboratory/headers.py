@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from tssgeom.io.formats.laboratory.rows import Row, is_data
-from tssgeom.io.formats.laboratory.trackers import Export, export_of, padded, rows_of_header
+from tssgeom.io.formats.laboratory.trackers import Export, export_of, filled, padded, rows_of_header
 from tssgeom.io.formats.laboratory.units import unit_of
 
 _UNITLESS = frozenset(("", "-", "1", "--", "none"))
@@ -96,13 +96,9 @@ def _joined(rows: Sequence[Row], own: int, upper: list[int], count: int) -> tupl
 
 
 def _filled(cells: Sequence[str], count: int) -> list[str]:
-    """Return a row in which an empty cell has the name left of it, as merged ones do."""
+    """Return a row of so many cells, filled where it names more than one column."""
     cells = padded(["" if _UNNAMED.fullmatch(cell) else cell for cell in cells], count)
-    if sum(map(bool, cells)) < 2:
-        return cells
-    for k in range(1, count):
-        cells[k] = cells[k] or cells[k - 1]
-    return cells
+    return filled(cells) if sum(map(bool, cells)) > 1 else cells
 
 
 def _names(parts: Sequence[Sequence[str]]) -> list[str]:

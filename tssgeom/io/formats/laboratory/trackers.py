@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -111,9 +112,8 @@ def _of_motive(path: Path, head: Sequence[list[str]], count: int) -> Export | No
 
 def _of_vicon(path: Path, head: Sequence[list[str]], count: int) -> Export:
     """Rows: the title, frames in a second, names over the first column of each marker, axes, units."""
-    (rate, *_), names, axes, units = head[1], *(padded(row, count) for row in head[2:])
-    for k in range(3, count):
-        names[k] = names[k] or names[k - 1]
+    (rate, *_), named, axes, units = head[1], *(padded(row, count) for row in head[2:])
+    names = [*named[:2], *filled(named[2:])]
     export = _with_points(
         count, [(names[k], axes[k], k) for k in range(2, count) if axes[k] in _AXES], units[2]
     )
@@ -179,6 +179,11 @@ def _with_points(count: int, taken: Sequence[tuple[str, str, int]], unit: str) -
 def padded(row: Sequence[str], count: int) -> list[str]:
     """Return a row of so many cells, empty ones at its end."""
     return [*row, *[""] * (count - len(row))][:count]
+
+
+def filled(row: Sequence[str]) -> list[str]:
+    """Return a row in which an empty cell has the name left of it, as merged ones do."""
+    return list(itertools.accumulate(row, lambda left, cell: cell or left))
 
 
 def _rate(text: str) -> float:
