@@ -15,6 +15,7 @@ from tssgeom.adapt.readings import CHANNELS, Moment, Readings, mean_and_sd
 from tssgeom.adapt.stepped import Stepped
 from tssgeom.adapt.trailed_drive import TrailedDrive
 from tssgeom.arrays import Matrix, Vector
+from tssgeom.core.constants_tendon import BAR
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.bars.contact_grid import bends_of, edges
@@ -23,7 +24,6 @@ from tssgeom.tendon.bars.plant import Memory
 
 DRIVES = ("displacement_in_m", "tension_in_N")
 """What may drive: a position, or else the tension."""
-_LEAST_SPAN = 1e-9  # of a step from where the members are [s]; derived: some rounding of times
 
 
 class RigFilter(Ensemble):
@@ -123,7 +123,7 @@ class RigFilter(Ensemble):
             start.by_force,
             start.position,
             drive,
-            max(span, _LEAST_SPAN),
+            max(span, BAR.least_time),
             at.warmth,
         )
         self._require_all(done, rows, "tendon")

@@ -38,8 +38,6 @@ class TrailSettings(NamedTuple):
     0.15 noises short, 1.6 leaves 0.6."""
     turn_error: float = 0.5
     """Standard deviation of where it turned, over the noise [1]; measured."""
-    margin: float = 4.0
-    """Noises by which the state that is kept trails the drive at least [1]. Chosen: no noise gets behind."""
     most_behind: float = 8.0
     """Noises by which it trails the drive at most [1]. Measured: with 8, 16 and 24 errors are alike; 24 takes
     a fifth fewer steps, but one in some thousand of a machine then has no equilibrium."""
@@ -206,7 +204,7 @@ class TrailedDrive:
 
     def has_moved(self) -> bool:
         """Whether it has moved since this was true last, by more than its noise."""
-        if abs(self.value - self.moved_to) <= TRAIL.margin * self.noise:
+        if abs(self.value - self.moved_to) <= CHANCE.rare * self.noise:
             return False
         self.moved_to = self.value
         return True
@@ -233,7 +231,7 @@ class TrailedDrive:
 
     def safe(self) -> float:
         """Return how far the drive has gone for sure."""
-        certain = self.way * (self.position - self.committed) - TRAIL.margin * self.noise
+        certain = self.way * (self.position - self.committed) - CHANCE.rare * self.noise
         return self.committed + self.way * max(certain, 0.0)
 
     def needs_commit(self) -> bool:

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tssgeom.arrays import Matrix, Vector
-from tssgeom.identify.turn_shapes import SHAPE
+from tssgeom.identify.turn_shapes import SHAPE, SIDE
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +89,7 @@ def turn_level(time: Vector, drive: Vector, turn: int, between: tuple[int, int],
     off = np.abs(drive - drive[turn])
     start = turn - _reach(off[between[0] : turn + 1][::-1], noise)
     stop = turn + _reach(off[turn : between[1] + 1], noise) + 1
-    if min(turn - start, stop - 1 - turn) < 2 * SHAPE.side:
+    if min(turn - start, stop - 1 - turn) < 2 * SIDE:
         step = min(off[turn - 1], off[turn + 1])
         return TurnLevel(float(drive[turn]), math.hypot(noise, 0.5 * step), turn, drive[turn : turn + 1])
     noise = max(noise, _EXACT * float(np.ptp(drive)))
@@ -113,7 +113,7 @@ def _reach(off: Vector, noise: float) -> int:
     """Return how many readings of a leg count; `off` is how far each lies from the turn, the turn first."""
     inside = off < min(SHAPE.round * noise, 0.5 * float(off.max()))
     near = len(off) - 1 if inside.all() else int(np.argmin(inside)) - 1
-    return min(max(near, 2 * SHAPE.side), LEVEL.most, len(off) // 2)
+    return min(max(near, 2 * SIDE), LEVEL.most, len(off) // 2)
 
 
 def _shapes() -> Iterator[_Shape]:

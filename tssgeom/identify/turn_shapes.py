@@ -30,8 +30,6 @@ class ShapeSettings:
 
     round: float = 40.0
     """S.d. off the turn up to which the shape holds [1]; chosen."""
-    side: int = 2
-    """Readings of a side at least; derived: its slope and where it ends."""
     positions: int = 17
     """Positions tried at a time for the end of a side; chosen."""
     closer: int = 4
@@ -42,6 +40,8 @@ class ShapeSettings:
 
 
 SHAPE = ShapeSettings()
+SIDE = 2
+"""Readings of a side at least: its slope and where it ends."""
 
 
 def fitted_turn(
@@ -72,7 +72,7 @@ def fitted_turn(
     what = (drive[start:stop] - drive[turn]) / noise
     best = min(_shapes(when, what, plain), key=attrgetter("criterion"))
     # all of a long rest would hide a bad fit
-    near = np.convolve(sloping, np.ones(2 * SHAPE.side + 1), "same") > 0.0
+    near = np.convolve(sloping, np.ones(2 * SIDE + 1), "same") > 0.0
     count = int(near.sum())
     freedom = max(count - count / len(when) - best.parameters + 1, 1.0)  # the rest shares the level
     left = float(np.square(what - best.values)[near].sum())
@@ -117,8 +117,8 @@ def _reach(off: Vector, noise: float) -> int:
     sloping = off > CHANCE.never * noise
     inside = off < min(SHAPE.round * noise, 0.5 * float(off.max()))
     rest, near = (int(np.argmax(each)) if each.any() else len(off) for each in (sloping, ~inside))
-    reach = max(near, rest + SHAPE.side)
-    whole = reach <= len(off) and bool(sloping[rest : rest + SHAPE.side].all())
+    reach = max(near, rest + SIDE)
+    whole = reach <= len(off) and bool(sloping[rest : rest + SIDE].all())
     return (reach if whole and off[reach - 1] < off.max() - CHANCE.never * noise else rest) - 1
 
 

@@ -61,8 +61,6 @@ _FROM_CHORDS = "the points do not determine their stations: taken from the chord
 class ChainStart:
     """Where a chain of arcs is tried, and from which first guesses."""
 
-    fewest_points: int = 6
-    """Points that a chain needs. Derived: one arc in space has 5 parameters across it beside its joints."""
     quick_moves: int = 8
     """Moves after which a first chain that is still hopeless is given up. Chosen."""
     uncertain_angle: float = 0.03
@@ -73,6 +71,7 @@ class ChainStart:
 
 
 START = ChainStart()
+_FEWEST = 5 + 1  # points of a chain: one arc in space has 5 parameters across it beside its joints
 
 
 def measure(shape: Shape, noise: float | None = None, method: Method = "auto") -> RouteFit:
@@ -291,7 +290,7 @@ def chain_data(shape: Shape, noise: float | None, spline: Spline) -> Data:
 
 def chain_allowed(shape: Shape, spline: Spline) -> bool:
     """Whether there are points enough, with errors of their own."""
-    return len(shape.points) >= START.fewest_points and spline.shared_angle_error == 0.0
+    return len(shape.points) >= _FEWEST and spline.shared_angle_error == 0.0
 
 
 def _competitive(data: Data, chain: Chain, spline: Spline, budget: Budget) -> Chain | None:
