@@ -39,15 +39,13 @@ class PosteriorSettings:
     """Of this rise: difference up to which the law is normal [1]; chosen: 7 % of an interval."""
     step: float = 0.6
     """Standard deviations from one point to the next [1]; chosen: three of them in the half of a bell."""
-    points: int = 20
-    """Points that are tried on each side [1]; chosen: three times what a normal law takes."""
     leap: float = 4.0
     """Rise of χ² from one point to the next from which the step is halved [1]; chosen."""
-    least: float = 0.05
-    """Standard deviations of the least step [1]; chosen."""
 
 
 POSTERIOR = PosteriorSettings()
+_POINTS = round(3.0 * CHANCE.rare / POSTERIOR.step)  # tried on each side: three times what a normal law takes
+_LEAST = POSTERIOR.step / 8.0  # standard deviations of the least step: halved three times
 _FOLLOWS = math.sqrt(0.5)
 """Correlation from which a number goes with one that is followed [1]: half of its variance."""
 
@@ -191,12 +189,12 @@ class _Along:
         """Return points on one side, nearer to each other where χ² rises fast."""
         self.slope = self.first.copy()
         points, step, lowest, last = [top], POSTERIOR.step * self.sd, top.chi2, self.along
-        for _ in range(POSTERIOR.points):
+        for _ in range(_POINTS):
             there = self._fitted(points[-1].u + last * (way * step / last[self.j]))
             rise = np.inf if there is None else there.chi2 - points[-1].chi2
-            if there is None or (rise > POSTERIOR.leap and step > POSTERIOR.least * self.sd):
+            if there is None or (rise > POSTERIOR.leap and step > _LEAST * self.sd):
                 step *= 0.5
-                if step < POSTERIOR.least * self.sd:
+                if step < _LEAST * self.sd:
                     break
                 continue
             last, lowest = there.u - points[-1].u, min(lowest, there.chi2)

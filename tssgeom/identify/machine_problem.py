@@ -44,9 +44,6 @@ class MachineFitSettings:
     """Starts, the best of 27, from which short fits are made [1]; chosen."""
     start_steps: int = 4
     """Steps from each start before the best one is kept; chosen."""
-    least_step: float = 1e-6
-    """Of the prior's standard deviation of a number that is not a logarithm: least step of a derivative [1];
-    derived: of an angle it is 1000 times what a sample leaves open, (175)."""
 
 
 FIT = MachineFitSettings()
@@ -155,7 +152,8 @@ class Problem:
             return SOLVER.coarse_step / scale
         strength = np.linalg.norm(slope, axis=0) / scale
         strength[logs] = strength[logs].max(initial=0.0)
-        least = np.where(logs, SOLVER.step, FIT.least_step)
+        rounding = SOLVER.step**2  # of a model; of an angle it is 1000 times what (175) leaves open
+        least = np.where(logs, SOLVER.step, rounding)
         return np.clip(1.0 / np.maximum(strength, 1e-300), least, SOLVER.coarse_step) / scale
 
     def jacobian(
