@@ -59,6 +59,11 @@ KINDS: Mapping[str, Mapping[str, Sensor]] = {
         "elongation_m": Sensor(noise=5e-6),
         "displacement_in_m": Sensor(noise=2e-6),
     },
+    "x_in and T_in": {
+        "tension_in_N": Sensor(noise=0.15),
+        "tension_out_N": Sensor(noise=0.03, offset=OUT_OFFSET),
+        "displacement_in_m": Sensor(noise=1e-5),
+    },
 }
 
 

@@ -83,10 +83,11 @@ def calibrate(
 ) -> None:
     """Estimate friction, compliance and sensor zeros, with 95 % intervals, from a run; write them as a rig.
 
-    RUN has a column time_s, a drive (tension_in_N, or else displacement_in_m) and responses (tension_out_N,
-    elongation_m or _mm, or displacement_in_m with displacement_out_m). Friction, compliance and the zero of
-    the distal cell go into the rig; the zero of the elongation is only reported. A folder as --out gets
-    rig.toml, calibration.json and figures. Where the fit fails its test (docs/checks.md), no rig is written.
+    RUN has a column time_s, a drive (tension_in_N or displacement_in_m; the more exact one where it has both
+    and no elongation) and responses (tension_out_N, elongation_m or _mm, or displacement_in_m with
+    displacement_out_m). Friction, compliance and the zero of the distal cell go into the rig; the zero of the
+    elongation is only reported. A folder as --out gets rig.toml, calibration.json and figures. Where the fit
+    fails its test (docs/checks.md), no rig is written.
 
     Several runs, --angle-from-run, and a rig with several tendons, a joint, a segment or numbers that are
     "unknown" (docs/machines.md) are fitted together, with what is assumed of each number beforehand. With

@@ -16,6 +16,7 @@ from tssgeom.effects.kinds import PATHS
 from tssgeom.errors import SettingsError
 from tssgeom.identify.campaign import Route
 from tssgeom.identify.fit import Point
+from tssgeom.identify.machine_drive_noise import with_turns_between
 from tssgeom.identify.prediction import Stack, run_channels, stacked
 from tssgeom.identify.readings import READING, Reading, at_times, in_order, with_added
 from tssgeom.identify.turning import Legs, legs, with_turns
@@ -72,7 +73,12 @@ class TakeUpPrior:
 
 RUN_LIMITS = RunLimits()
 _TAKE_UP = TakeUpPrior()
-NAMES = {"tension_out_N": "tension_out", "elongation_m": "elongation", "displacement_in_m": "elongation"}
+NAMES = {
+    "tension_in_N": "tension_in",
+    "tension_out_N": "tension_out",
+    "elongation_m": "elongation",
+    "displacement_in_m": "elongation",
+}
 """Channels as users of calibration see them."""
 
 
@@ -101,6 +107,8 @@ class CalibratedRun:
     legs: Legs
     """The drive; the samples of the reading are those of the drive and its turns."""
     warnings: tuple[str, ...]
+    tension: Vector | None = None
+    """[n] T_in as measured, monotone from turn to turn; None where it is not measured [N]."""
 
     @property
     def shows_stretch(self) -> bool:
@@ -130,30 +138,44 @@ class CalibratedRun:
         offset = value.get("elongation_offset", 0.0)
         by_position = reading.drive == "displacement_in_m"
         shifts = np.array([value.get(f"turn_{k + 1}", 0.0) for k in range(len(self.legs.turns))])
-        drive = reading.given[reading.drive] - offset if by_position else with_turns(self.legs, shifts)
+        taken_up, over = value.get("take_up", 0.0), value.get("take_up_tension", 1.0)
+        drive = reading.given[reading.drive] if self.tension is None else with_turns(self.legs, shifts)
+        if by_position:
+            drive = drive - offset
+            if self.tension is not None:
+                drive = drive + taken_up * np.exp(-self.tension / over)
         out = run_channels(reading, at.rig(nominal), bars=bars, drive=drive)
         out["tension_out_N"] = out["tension_out_N"] + value.get("tension_out_offset", 0.0)
-        slack = value.get("take_up", 0.0) * np.exp(-out["tension_in_N"] / value.get("take_up_tension", 1.0))
+        slack = taken_up * np.exp(-out["tension_in_N"] / over)
         for name in ("elongation_m", "displacement_in_m"):
             out[name] = out[name] + offset - slack
         return out
 
 
-def calibrated_run(measured: Measured, arcs: Arcs, rig: Rig, from_tension: float) -> CalibratedRun:
+def calibrated_run(
+    measured: Measured, arcs: Arcs, rig: Rig, from_tension: float, drive: Drive | None = None
+) -> CalibratedRun:
     """Choose what counts in a run, and what it identifies.
+
+    Without a `drive` it is the tension, unless that is missing. Where it is the position although the tension
+    is measured, levels of its turns are fitted as those of a tension are; docs/model.md (275).
 
     Raises
     ------
     SettingsError
         Where there is no drive or no response.
     """
-    drive: Drive = "displacement_in_m" if measured.tension_in is None else "tension_in_N"
+    with_tension = measured.tension_in is not None
+    drive = drive or ("tension_in_N" if with_tension else "displacement_in_m")
     by_force = drive == "tension_in_N"
     column = measured.tension_in if by_force else measured.displacement_in
     if column is None:
         raise SettingsError("the run has no drive: give a column tension_in_N or displacement_in_m")
-    kept = np.flatnonzero(in_order(measured.time, column))
-    most = RUN_LIMITS.most_readings if by_force else RUN_LIMITS.most_positions
+    sound = in_order(measured.time, column)
+    if measured.tension_in is not None:
+        sound &= np.isfinite(measured.tension_in)
+    kept = np.flatnonzero(sound)
+    most = RUN_LIMITS.most_readings if with_tension else RUN_LIMITS.most_positions
     kept = kept[:: max(1, -(-len(kept) // most))]
     if len(kept) < PLAUSIBLE.fewest_rows:
         raise SettingsError(
@@ -164,27 +186,37 @@ def calibrated_run(measured: Measured, arcs: Arcs, rig: Rig, from_tension: float
             f"tension_in_N is at most {float(np.max(column[kept])):g} N: a tendon only pulls: change its sign"
         )
     _check_stretch(measured, arcs)
-    spring = by_force and measured.elongation is None and measured.displacement_in is not None
+    spring = with_tension and measured.elongation is None and measured.displacement_in is not None
     if spring and rig.load.stiffness_N_per_m == 0.0:
         raise SettingsError(
             "displacement_in_m holds the stretch of the load's spring, and load.stiffness_N_per_m is 0; "
             "give the stiffness, or a column elongation_m or displacement_out_m"
         )
     time = measured.time[kept]
-    drive_legs = legs(column[kept], time)
+    drive_legs = legs(column[kept], time, of_position=with_tension and not by_force)
     values, turns = drive_legs.values, drive_legs.turns
-    floor = min(from_tension, RUN_LIMITS.floor * float(values.max())) if by_force else 0.0
-    counting = dict(_counting(measured, kept, values if by_force else None, floor, spring))
+    tension = None
+    if measured.tension_in is not None:
+        tension = values if by_force else legs(measured.tension_in[kept], time).values
+    floor = 0.0 if tension is None else min(from_tension, RUN_LIMITS.floor * float(tension.max()))
+    answering = {
+        "tension_in_N": None if by_force else measured.tension_in,
+        "tension_out_N": measured.tension_out,
+        "displacement_in_m": measured.displacement_in if spring and by_force else None,
+        "elongation_m": measured.elongation,
+    }
+    counting = dict(_counting(answering, kept, tension, floor))
     if not counting:
         raise SettingsError(
             f"no response with {READING.fewest} readings above {floor:g} N: "
             "give tension_out_N, elongation_m or both"
         )
-    added = np.zeros(len(values) + (len(turns) if by_force else 0), dtype=bool)
-    if by_force:
+    added = np.zeros(len(values) + (len(turns) if with_tension else 0), dtype=bool)
+    samples = values
+    if tension is not None:
         added[turns + np.arange(len(turns))] = True
-        time = np.insert(time, turns, 0.5 * (time[turns - 1] + time[turns]))
-    samples = with_turns(drive_legs, np.zeros(len(turns))) if by_force else values
+        time = with_turns_between(time, turns)
+        samples, tension = with_turns(drive_legs, np.zeros(len(turns))), with_turns_between(tension, turns)
     given = {"time_s": time, drive: read_only(samples)}
     if measured.temperature is not None and np.isfinite(measured.temperature).any():
         given["temperature_C"] = at_times(measured.time, measured.temperature, time)
@@ -193,9 +225,9 @@ def calibrated_run(measured: Measured, arcs: Arcs, rig: Rig, from_tension: float
     route = Route("the route", arcs, nowhere, np.zeros(0))
     noise = {drive: drive_legs.noise} | dict.fromkeys(answers, 1.0)
     reading = Reading("the run", route, False, drive, given, answers, noise)
-    zeros = tuple(_zeros(counting, drive_legs, by_force))
+    zeros = tuple(_zeros(counting, drive_legs, by_force=by_force, with_tension=with_tension))
     warnings = tuple(_warnings(reading, measured, rig, spring, len(turns) > 0))
-    return CalibratedRun(reading, zeros, drive_legs, warnings)
+    return CalibratedRun(reading, zeros, drive_legs, warnings, tension)
 
 
 def _check_stretch(measured: Measured, arcs: Arcs) -> None:
@@ -210,15 +242,11 @@ def _check_stretch(measured: Measured, arcs: Arcs) -> None:
 
 
 def _counting(
-    measured: Measured, kept: np.ndarray, tension: Vector | None, floor: float, spring: bool
+    answering: Mapping[str, Vector | None], kept: np.ndarray, tension: Vector | None, floor: float
 ) -> Iterator[tuple[str, Vector]]:
     """Yield channels with NaN where a reading does not count: slack, missing, or the same digits again."""
-    candidates = (
-        ("tension_out_N", measured.tension_out, RUN_LIMITS.floor_out * floor),
-        ("displacement_in_m", measured.displacement_in if spring else None, floor),
-        ("elongation_m", measured.elongation, floor),
-    )
-    for name, column, least in candidates:
+    for name, column in answering.items():
+        least = RUN_LIMITS.floor_out * floor if name == "tension_out_N" else floor
         if column is None:
             continue
         taut = True if tension is None else tension >= least
@@ -236,18 +264,20 @@ def _once(readings: Vector) -> np.ndarray:
     return (edges[:-1] + edges[1:] - 1) // 2
 
 
-def _zeros(answers: Mapping[str, Vector], drive: Legs, by_force: bool) -> Iterator[Zero]:
+def _zeros(
+    answers: Mapping[str, Vector], drive: Legs, *, by_force: bool, with_tension: bool
+) -> Iterator[Zero]:
     """Yield what is fitted beside friction and compliance: a zero may be as far off as its channel reads."""
     paths = [values for name, values in answers.items() if name in PATHS]
     if "tension_out_N" in answers:
         yield Zero("tension_out_offset", "N", _largest(answers["tension_out_N"]))
     if paths or not by_force:
         yield Zero("elongation_offset", "m", _largest(paths[0] if by_force else drive.values))
-    if paths and by_force:
+    if with_tension and (paths or not by_force):
         yield Zero("take_up", "m", _TAKE_UP.slack_m)
         yield Zero("take_up_tension", "N", _TAKE_UP.factor, _TAKE_UP.scale_N)
-    for k, sd in enumerate(drive.fitted_se if by_force else ()):
-        yield Zero(f"turn_{k + 1}", "N", sd)
+    for k, sd in enumerate(drive.fitted_se if with_tension else ()):
+        yield Zero(f"turn_{k + 1}", "N" if by_force else "m", sd)
 
 
 def _largest(readings: Vector) -> float:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,6 +19,7 @@ from tssgeom.core.constants import CHANCE
 from tssgeom.effects import TensionOutOffset
 from tssgeom.errors import FitError, SettingsError
 from tssgeom.identify.calibrated_run import NAMES, CalibratedRun, Measured, calibrated_run
+from tssgeom.identify.exact_drive import drive_noise, position_is_exact
 from tssgeom.identify.fit import (
     Fit,
     Point,
@@ -50,6 +52,10 @@ from tssgeom.statistics import reading_noise, root_mean_square
 _LEAST_ANGLE = 0.05  # of a route on which friction shows [rad]; derived: friction of 0.2 takes 1 % there
 _WANTED = (("tension_out_offset", "N"), ("elongation_offset", "m"))
 _FITTED = 0.8  # share of the work done when the fit ends [1]; chosen
+_NOT_BY_POSITION = (
+    "displacement_in_m is more exact than tension_in_N, but the model that it drives does not meet the run: "
+    "the tension drives"
+)
 _UNMEASURED = {
     "compliance": "no channel measures the stretch: give elongation_m, or displacement_in_m",
     "tension_out_offset": "tension_out_N is not measured, or has too few readings",
@@ -153,7 +159,21 @@ def calibrate(
             f"the route turns by {arcs.total_angle:.3g} rad: a straight sheath shows no friction; "
             f"lay it with a bend of {_LEAST_ANGLE:g} rad or more"
         )
-    run = calibrated_run(measured, arcs, rig, from_tension)
+    warning = ()
+    if position_is_exact(measured):
+        run = calibrated_run(measured, arcs, rig, from_tension, "displacement_in_m")
+        with suppress(FitError):
+            by_position = _calibrated(run, arcs, rig, progress)
+            if not any(each.lacks_an_effect for each in by_position.channels):
+                return by_position
+        warning = (_NOT_BY_POSITION,)
+    by_tension = _calibrated(calibrated_run(measured, arcs, rig, from_tension), arcs, rig, progress)
+    return replace(by_tension, warnings=(*warning, *by_tension.warnings))
+
+
+def _calibrated(
+    run: CalibratedRun, arcs: Arcs, rig: Rig, progress: Callable[[str, float], object]
+) -> Calibration:
     fit = _fitted(run, start_rig(rig), progress)
     progress("errors of the route", _FITTED)
     return _calibration(fit, _route_covariance(fit, arcs, rig), run.warnings)
@@ -173,6 +193,8 @@ class _Fit:
     covariance: Matrix
     inflation: Vector
     """Readings of each channel over effective ones [1]."""
+    of_drive: Vector
+    """[rows] Standard deviation of what the noise of a position that drives does to a reading [N, m]."""
 
 
 def _fitted(run: CalibratedRun, rig: Rig, progress: Callable[[str, float], object]) -> _Fit:
@@ -198,7 +220,12 @@ def _fitted(run: CalibratedRun, rig: Rig, progress: Callable[[str, float], objec
     square = squares(
         problem.whitening.whitened(left), [rows.stop - rows.start for rows in blocks], at.size, inflation
     )
-    return _Fit(run, problem, at, left, jacobian, _sandwich(jacobian, square), inflation)
+    fit = _Fit(run, problem, at, left, jacobian, _sandwich(jacobian, square), inflation, np.zeros(len(left)))
+    if run.tension is None or run.reading.drive == "tension_in_N":
+        return fit
+    progress("errors of the drive", _FITTED)
+    noise = drive_noise(run, problem, at, _bread(jacobian), of_data)
+    return replace(fit, covariance=fit.covariance + noise.covariance, of_drive=noise.spread)
 
 
 def _refitted(run: CalibratedRun, problem: Problem, at: Point) -> tuple[Problem, Fit]:
@@ -214,8 +241,13 @@ def _whitening(weight: Sequence[Vector]) -> Whitening:
 
 def _sandwich(jacobian: Matrix, square: Vector) -> Matrix:
     """Covariance of the estimates where some readings are noisier than others; docs/model.md (73)."""
-    bread = np.asarray(np.linalg.inv(jacobian.T @ jacobian), dtype=np.float64)
+    bread = _bread(jacobian)
     return bread @ (jacobian.T @ (square[:, None] * jacobian)) @ bread
+
+
+def _bread(jacobian: Matrix) -> Matrix:
+    """Return the inverse of the normal matrix."""
+    return np.asarray(np.linalg.inv(jacobian.T @ jacobian), dtype=np.float64)
 
 
 def _route_covariance(fit: _Fit, arcs: Arcs, rig: Rig) -> Matrix:
@@ -226,7 +258,7 @@ def _route_covariance(fit: _Fit, arcs: Arcs, rig: Rig) -> Matrix:
     total += np.outer(gained, gained)
     value, way = np.linalg.eigh(total)
     of_data = fit.jacobian[: problem.stack.size]
-    bread = np.linalg.inv(fit.jacobian.T @ fit.jacobian)
+    bread = _bread(fit.jacobian)
     out = np.zeros_like(fit.covariance)
     for variance, direction in zip(value, way.T, strict=True):
         if variance <= 1e-6 * max(value[-1], 1e-300) or variance < 1e-18:
@@ -260,7 +292,7 @@ def _calibration(fit: _Fit, of_route: Matrix, warnings: tuple[str, ...]) -> Cali
             root_mean_square(fit.left[block.rows]),
             int(count),
             float(worth),
-            reading_noise(stack.measured[block.rows]),
+            math.hypot(reading_noise(stack.measured[block.rows]), root_mean_square(fit.of_drive[block.rows])),
             float(np.ptp(stack.measured[block.rows])),
             whiteness(fit.left[block.rows]),
         )

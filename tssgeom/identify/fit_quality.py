@@ -59,7 +59,7 @@ class ChannelFit:
     effective_count: float
     """Readings that are worth as much, were they independent [1]."""
     noise: float
-    """White noise of the readings, digits included [unit]."""
+    """White noise of the readings, digits included, and what that of a position that drives adds [unit]."""
     span: float
     """Range of the readings [unit]."""
     whiteness_p: float

@@ -50,15 +50,18 @@ class Legs:
     """[m] Their standard errors [N]."""
     noise: float
     """Standard deviation of one reading [N]."""
+    least: float = 0.0
+    """Below which the drive cannot be [N]: a tendon only pulls; a position may be anywhere."""
 
     @property
     def fitted_se(self) -> list[float]:
-        """Standard deviations of the levels that are fitted, those of the first turns [N]."""
-        return np.maximum(self.turn_se[: LEGS.most_turns], 1e-6).tolist()
+        """Standard deviations of the levels that are fitted, those of the first turns, as the levels."""
+        least = 1e-9 * float(np.ptp(self.values))  # for a drive without noise
+        return np.maximum(self.turn_se[: LEGS.most_turns], least).tolist()
 
 
-def legs(readings: Vector, time: Vector) -> Legs:
-    """Make a proximal tension [n] [N] at times [n] [s] monotone from turn to turn; docs/model.md (70)."""
+def legs(readings: Vector, time: Vector, *, of_position: bool = False) -> Legs:
+    """Make a proximal tension [n] [N], or position [m], at times [n] [s] monotone from turn to turn; (70)."""
     noise = reading_noise(readings)
     least = max(CHANCE.never * noise, LEGS.least_reversal * float(np.ptp(readings)))
     inner = turns(readings, least)[1:-1]
@@ -79,8 +82,9 @@ def legs(readings: Vector, time: Vector) -> Legs:
         bound = np.minimum if readings[turn] > readings[edges[k]] else np.maximum
         near = slice(edges[k], edges[k + 2] + 1)
         values[near] = bound(values[near], at[k])
+    low = -np.inf if of_position else 0.0
     return Legs(
-        read_only(np.maximum(values, 0.0)), inner, read_only(np.maximum(at, 0.0)), read_only(se), noise
+        read_only(np.maximum(values, low)), inner, read_only(np.maximum(at, low)), read_only(se), noise, low
     )
 
 
@@ -98,7 +102,7 @@ def _without_stairs(leg: Vector) -> Vector:
 
 def with_turns(drive: Legs, shifts: Vector) -> Vector:
     """Return the drive with its turns between the readings [n + m] [N], their levels shifted [m] [N]."""
-    at = np.maximum(drive.turn_values + shifts, 0.0)
+    at = np.maximum(drive.turn_values + shifts, drive.least)
     return np.insert(_bounded(drive, at), drive.turns, at)
 
 

@@ -21,7 +21,7 @@ from tssgeom.view.figures.plots import (
 )
 from tssgeom.view.quantities import TENSION_IN, TIME, quantity
 
-_COLUMNS = {"tension_out": "tension_out_N", "elongation": "elongation_m"}
+_COLUMNS = {"tension_in": "tension_in_N", "tension_out": "tension_out_N", "elongation": "elongation_m"}
 _HEIGHT = 2.0
 """Of the two rows of one channel [inch]."""
 
