@@ -141,6 +141,7 @@ class CalibratedRun:
         taken_up, over = value.get("take_up", 0.0), value.get("take_up_tension", 1.0)
         drive = reading.given[reading.drive] if self.tension is None else with_turns(self.legs, shifts)
         if by_position:
+            taken_up = max(taken_up, 0.0)  # one below 0 would imitate a stiffness that noise hides
             drive = drive - offset
             if self.tension is not None:
                 drive = drive + taken_up * np.exp(-self.tension / over)

@@ -52,7 +52,7 @@ class NoisyInputs(NamedTuple):
     at: np.ndarray
     """[s] Which of those are samples of the run."""
     pulls: Mapping[str, Legs]
-    """Tensions that drive, as far as their readings are used."""
+    """Drives that are monotone from turn to turn, as far as their readings are used."""
 
     def draws(self, count: int, turns: np.ndarray | None) -> Iterator[dict[str, Vector]]:
         """Yield samples of the noisy channels as they might have been with other noise; docs/model.md (264).
@@ -66,7 +66,11 @@ class NoisyInputs(NamedTuple):
             if turns is not None:
                 out = {channel: with_turns_between(values, turns) for channel, values in out.items()}
             pulled = {
-                channel: legs(made.values + made.noise * rng.standard_normal(len(time)), time)
+                channel: legs(
+                    made.values + made.noise * rng.standard_normal(len(time)),
+                    time,
+                    of_position=made.least < 0.0,
+                )
                 for channel, made in self.pulls.items()
             }
             if turns is None:

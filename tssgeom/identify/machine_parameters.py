@@ -94,9 +94,10 @@ def _of_run(run: MachineRun, k: int, runs: int, rig: Rig) -> Iterator[Parameter]
         motion = run.given["motor_angle_rad"]
         prior = Prior(float(motion[0]), LIMITS.zero * float(np.ptp(motion)), log=False)
         yield Parameter(f"zero of motor_angle_rad{of}", "rad", prior, "given zero", k, "motor_angle_rad")
+    unit = "N" if run.drive == "tension_in" else "m"
     for turn, sd in enumerate(run.legs.fitted_se if run.legs is not None else ()):
         prior = Prior(0.0, sd, log=False)
-        yield Parameter(f"turn {turn + 1} of the drive{of}", "N", prior, "turn", k, str(turn))
+        yield Parameter(f"turn {turn + 1} of the drive{of}", unit, prior, "turn", k, str(turn))
     for which in range(run.tendons):
         name = f"friction of tendon {which + 1} at the start{of}"
         yield Parameter(name, "1", Prior(0.0, 1.0, log=False), "history", k, str(which))

@@ -226,11 +226,15 @@ def _of_rig(rig: Rig, free: Sequence[str], runs: Sequence[MachineRun]) -> Iterat
 
 def drive_lag(rig: Rig, free: Sequence[str], runs: Sequence[MachineRun]) -> Iterator[Part]:
     """Yield the part that moves the drive in time, where runs may show it; docs/model.md (178)."""
-    if DRIVE_LAG in free or rig.drive.lag_s != 0.0 or any(run.legs is not None for run in runs):
+    if DRIVE_LAG in free or rig.drive.lag_s != 0.0 or any(_by_tension(run) for run in runs):
         return  # a tension whose turns are fitted has its own times
     prior = Prior(0.0, PARTS.wide * _typical_lag(runs), log=False)
     number = Number("lag_s", DRIVE_LAG, "s", prior, 0.2 * prior.sd)
     yield Part("drive_lag", RigNumber(key=DRIVE_LAG), (number,), MEANINGS["drive_lag"])
+
+
+def _by_tension(run: MachineRun) -> bool:
+    return run.legs is not None and run.drive == "tension_in"
 
 
 def _typical_lag(runs: Sequence[MachineRun]) -> float:

@@ -20,7 +20,7 @@ from tssgeom.plausibility.rules import warnings_of
 from tssgeom.plausibility.series import Series
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
-from tssgeom.statistics import turns
+from tssgeom.statistics import reading_noise, turns
 from tssgeom.tendon.machine import Machine, Start, machine_of, routed
 from tssgeom.tendon.machine_history import DriveName
 from tssgeom.tendon.machine_simulation import drive_channels, drive_of, simulate_machine, with_torque
@@ -57,7 +57,8 @@ class MachineRun:
     inputs: NoisyInputs
     """What acts and is noisy."""
     legs: Legs | None = None
-    """The drive of one tendon by its tension, whose turns have levels of their own; (70), (71)."""
+    """The drive of one tendon by its tension, or by a position beside that, whose turns have levels of their
+    own; (70), (71), (276)."""
     notes: tuple[str, ...] = ()
 
 
@@ -104,12 +105,16 @@ def machine_run(
         )
     most = most or LIMITS.most_samples
     pulled = drive_channels(drive, count) if drive == "tension_in" else ()
-    noisy = noisy_inputs(columns, rows, [each for each in given_names[1:] if each not in pulled])
+    moved = _position_beside_tension(columns, rows, drive, count)
+    noisy = noisy_inputs(columns, rows, [each for each in given_names[1:] if each not in (*pulled, *moved)])
     given = {each: noisy.readings.get(each, columns[each][rows]) for each in given_names}
+    levelled = {each: legs(given[each], given["time_s"], of_position=True) for each in moved}
     motion = given[given_names[1]]
-    kept = _thinned(len(rows), turns_of(motion), most)
+    turning = np.concatenate([turns_of(motion), *(each.turns for each in levelled.values())])
+    kept = _thinned(len(rows), turning, most)
     rows, given = rows[kept], {each: np.ascontiguousarray(values[kept]) for each, values in given.items()}
     pulls = {each: legs(given[each], given["time_s"]) for each in pulled}
+    pulls |= {each: _kept_legs(made, kept) for each, made in levelled.items()}
     given |= {each: made.values for each, made in pulls.items()}
     noisy = noisy._replace(
         kept=kept,
@@ -137,7 +142,24 @@ def machine_run(
         notes=(*notes, *signs),
     )
     run = with_drive_known(run, rig.drive.lag_s)
-    return _with_turns_between(run, pulls[pulled[0]]) if pulled and count == 1 else run
+    return _with_turns_between(run, pulls[(*pulled, *moved)[0]]) if pulls and count == 1 else run
+
+
+def _position_beside_tension(
+    columns: Mapping[str, Vector], rows: np.ndarray, drive: DriveName, count: int
+) -> tuple[str, ...]:
+    """Return the position of one tendon that drives, where its tension is measured; docs/model.md (276)."""
+    if drive != "displacement_in" or count != 1 or "tension_in_N" not in columns:
+        return ()
+    (channel,) = drive_channels(drive, count)
+    readings = columns[channel][rows]
+    known = np.isfinite(columns["tension_in_N"][rows]).sum() >= READING.fewest
+    return (channel,) if known and is_noisy(readings, reading_noise(readings)) else ()
+
+
+def _kept_legs(made: Legs, kept: np.ndarray) -> Legs:
+    """Return a drive at some of its readings, its turns among them."""
+    return replace(made, values=made.values[kept], turns=np.searchsorted(kept, made.turns))
 
 
 def with_drive_known(run: MachineRun, lag: float) -> MachineRun:
