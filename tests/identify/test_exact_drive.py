@@ -105,7 +105,7 @@ def test_a_position_may_be_negative_and_its_turns_are_fitted(run):
     moved = replace(both, displacement_in=both.displacement_in - 5e-3)
     made = calibrated_run(moved, HALF, RIG, 4.0, "displacement_in_m")
     assert made.legs.values.min() < -4.9e-3
-    assert sum(zero.name.startswith("turn_") for zero in made.zeros) == 8
+    assert sum(zero.name.startswith("turn_") for zero in made.zeros) == len(made.legs.turns) > 8
     fit, as_it_was = (calibrate(each, HALF, RIG).estimates for each in (moved, both))
     assert fit["compliance"].value == pytest.approx(as_it_was["compliance"].value, rel=5e-3)
     assert fit["elongation_offset"].value == pytest.approx(-5e-3, abs=5e-5)
