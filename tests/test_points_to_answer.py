@@ -42,7 +42,10 @@ def sensed(course, n: int, noise: float, rng: np.random.Generator) -> np.ndarray
 
 
 def test_the_error_bar_of_the_elongation_holds_the_truth_as_often_as_it_says():
-    """Of 120 routes 95 % are meant to be within 1.96; fewer than 106, or all, is a chance of 1 in 200."""
+    """Of 120 routes 95 % are meant to be within 1.96; fewer than 106 is a chance of 1 in 200.
+
+    All of them may be: these arcs meet sharply, which no point shows; docs/model.md (267).
+    """
     rng, inside = np.random.default_rng(424_242), 0
     for _ in range(120):
         course = plotted(rng)
@@ -50,7 +53,7 @@ def test_the_error_bar_of_the_elongation_holds_the_truth_as_often_as_it_says():
         route = Arcs.exact(course.length, course.length * np.linalg.norm(course.bend, axis=1))
         truth = transmit(step(pretensioned(Rig()), route, Rig(), tension_in=PULL), Rig())
         inside += abs(observed.elongation - truth.elongation) < 1.96 * observed.elongation_se
-    assert 106 <= inside <= 119
+    assert inside >= 106
 
 
 @settings(max_examples=15, deadline=None, derandomize=True)

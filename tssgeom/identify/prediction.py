@@ -292,9 +292,12 @@ def _of_routes(
 
 
 def _directions(arcs: Arcs) -> list[Vector]:
-    """Return steps of one standard deviation of the angles, the widest first [rad]."""
+    """Return steps of one standard deviation of the angles, the widest first [rad].
+
+    Without that of a form which no point shows: all runs on a route share it, as they do its friction.
+    """
     k = len(arcs.length)
-    value, way = np.linalg.eigh(arcs.covariance[k:, k:])
+    value, way = np.linalg.eigh(arcs.noise_covariance[k:, k:])
     order = np.argsort(value)[::-1][: NOISE.arc_modes]
     return [math.sqrt(value[i]) * way[:, i] for i in order if value[i] > 1e-9]
 
