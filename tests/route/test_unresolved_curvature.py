@@ -70,8 +70,7 @@ def test_a_blend_that_points_show_explains_what_the_chain_turns_too_much():
     """Φ of a chain on an exact route, less that of the route, is the change that has the likelihood."""
     route = blended(0.04)
     data, chain = chain_of(sensed(route, 200, 1e-5, 0), 1e-5, LENGTH, KAPPA)
-    edges = np.append(chain.joints, chain.stations.max())
-    excess = float(np.linalg.norm(chain.bend, axis=1) @ np.diff(edges)) - route[2]
+    excess = float(np.linalg.norm(chain.bend, axis=1) @ np.diff(chain.edges)) - route[2]
     assert excess > 0.15  # rad
     assert np.sqrt(unresolved_angle_variance(data, chain)) == pytest.approx(excess, rel=0.1)
 
@@ -102,22 +101,16 @@ def test_a_straight_chain_has_nothing_to_change():
     assert unresolved_angle_variance(data, fit.chain) == 0.0
 
 
-def test_intervals_hold_bends_that_pass_into_one_another_over_any_length():
+@pytest.mark.parametrize(
+    ("made", "n", "noise", "least"), [(blended, 100, 2e-4, 0.8), (with_tip, 60, 5e-4, 0.85)]
+)
+def test_intervals_hold_blended_joints_and_straight_ends_of_1_to_40_mm(made, n, noise, least):
     held = list[bool]()
     for seed in range(40):
-        route = blended(0.001 * (seed + 1))
-        arcs = measure(clean(sensed(route, 100, 2e-4, seed))).arcs
+        route = made(0.001 * (seed + 1))
+        arcs = measure(clean(sensed(route, n, noise, seed))).arcs
         held.append(abs(arcs.total_angle - route[2]) < 1.96 * arcs.total_angle_se)
-    assert np.mean(held) >= 0.8
-
-
-def test_intervals_hold_straight_ends_of_any_length():
-    held = list[bool]()
-    for seed in range(40):
-        route = with_tip(0.001 * (seed + 1))
-        arcs = measure(clean(sensed(route, 60, 5e-4, seed))).arcs
-        held.append(abs(arcs.total_angle - route[2]) < 1.96 * arcs.total_angle_se)
-    assert np.mean(held) >= 0.85
+    assert np.mean(held) >= least
 
 
 def test_a_smooth_fit_is_not_asked(monkeypatch):

@@ -30,6 +30,7 @@ from tssgeom.identify.fit import (
     refined,
     start_rig,
     unshared,
+    with_base,
 )
 from tssgeom.identify.fit_quality import (
     ROBUST,
@@ -110,10 +111,11 @@ class Calibration(Result):
     def applied(self, rig: Rig) -> Rig:
         """Return the rig with friction, compliance and zero of the distal cell that the run identifies."""
         friction, compliance = self.estimates["friction"], self.estimates["compliance"]
-        if friction.observable:
-            rig = _with_friction(rig, friction.value)
-        if compliance.observable:
-            rig = _with_compliance(rig, compliance.value)
+        rig = with_base(
+            rig,
+            friction.value if friction.observable else rig.friction.coefficient,
+            compliance.value if compliance.observable else rig.tendon.compliance_per_N,
+        )
         offset = self.estimates["tension_out_offset"]
         if offset.observable and not offset.low <= 0.0 <= offset.high:
             rig = _with_offset(rig, offset.value)
@@ -336,16 +338,8 @@ def _why(observable: bool, name: str) -> str:
     return f"the run changes what was assumed of {name} by less than half"
 
 
-def _with_friction(rig: Rig, value: float) -> Rig:
-    return changed(rig, friction=changed(rig.friction, coefficient=value))
-
-
 def _with_offset(rig: Rig, offset: float) -> Rig:
     """Return the rig whose distal cell reads too much by this beyond what the rig had [N]."""
     had = [each for each in rig.effects if isinstance(each, TensionOutOffset)]
     total = TensionOutOffset(offset_N=offset + sum(each.offset_N for each in had))
     return changed(rig, effects=(*(each for each in rig.effects if each not in had), total))
-
-
-def _with_compliance(rig: Rig, value: float) -> Rig:
-    return changed(rig, tendon=changed(rig.tendon, compliance_per_N=value))

@@ -115,7 +115,7 @@ def _different(tried: Iterable[tuple[Data, Chain]]) -> list[tuple[Data, Chain]]:
 
 def _with_straights(chain: Chain) -> Chain | None:
     """Put short straight pieces beside the bends of a chain; None where all have one."""
-    edge = np.append(chain.joints, chain.stations.max())
+    edge = chain.edges
     beside = np.concatenate(([True], chain.curved, [True]))
     cut = AVERAGE.straight_share * np.diff(edge) * chain.curved
     before, after = cut * beside[:-2], cut * beside[2:]
@@ -144,7 +144,7 @@ def averaged_over_models(fit: RouteFit, smooth: RouteFit, tried: Sequence[tuple[
         Chains that were fitted to the same points.
     """
     added = added_by_models(fit, smooth, tried)
-    return replace(added.of_models(fit), by_models=tuple(added))
+    return replace(added.of_models(fit), by_models=added)
 
 
 def added_by_models(fit: RouteFit, smooth: RouteFit, tried: Sequence[tuple[Data, Chain]]) -> SharedErrors:

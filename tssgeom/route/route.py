@@ -58,8 +58,8 @@ def summed(step: Vector) -> Vector:
 
 
 def across(off: Points, unit: Points) -> Points:
-    """Part of `off` [n, 3] that is normal to the unit vectors `unit` [n, 3]."""
-    return off - np.einsum("ij,ij->i", off, unit)[:, None] * unit
+    """Part of `off` [..., n, 3] that is normal to the unit vectors `unit` [n, 3]."""
+    return off - np.einsum("...ij,ij->...i", off, unit)[..., None] * unit
 
 
 def carried(tangent: Points, axis: Vector) -> Points:

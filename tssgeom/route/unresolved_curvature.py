@@ -17,6 +17,8 @@ from tssgeom import core
 from tssgeom.arrays import Matrix, Points, Vector
 from tssgeom.core.constants import ROUNDING
 from tssgeom.route.arcs.chain import Chain, Data, first_joint_column, noise_variance, value_count
+from tssgeom.route.model_choice import model_probabilities
+from tssgeom.route.route import across
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +35,6 @@ class UnresolvedForms:
 
 FORMS = UnresolvedForms()
 _STEPS = 64  # along a joint, for its mean curvature; numerical: to 1e-4
-_CERTAIN = 300.0  # log odds beyond which a probability is 0
 _STEP = 1e-6  # of each parameter, in its unit, for derivatives; numerical: between rounding and curvature
 
 
@@ -58,14 +59,10 @@ class _Rows(NamedTuple):
     def of(self, moved: np.ndarray, turned: np.ndarray) -> Matrix:
         """Rows of displacements and changes of tangents [..., n, 3]; across the chain where it is free."""
         tangents, free = self.data.tangents, self.data.free
-        rows = [(self._across(moved) if free else moved) * np.sqrt(self.data.weight)[:, None]]
+        rows = [(across(moved, self.tangent) if free else moved) * np.sqrt(self.data.weight)[:, None]]
         if tangents is not None:
-            rows.append(self._across(turned) * np.sqrt(tangents.weight)[:, None])
+            rows.append(across(turned, self.tangent) * np.sqrt(tangents.weight)[:, None])
         return np.concatenate([one.reshape(*one.shape[:-2], -1) for one in rows], axis=-1)
-
-    def _across(self, vector: np.ndarray) -> np.ndarray:
-        along = np.einsum("...ij,ij->...i", vector, self.tangent)
-        return vector - along[..., None] * self.tangent
 
 
 def unresolved_angle_variance(data: Data, chain: Chain) -> float:
@@ -81,23 +78,27 @@ def unresolved_angle_variance(data: Data, chain: Chain) -> float:
     -----
     Source: docs/model.md (263), (266), (267).
     """
-    kinds = [_blended_joints(chain), _straight_end(chain, first=True), _straight_end(chain, first=False)]
-    kinds = [kind for kind in kinds if kind is not None]
+    position, frame = core.along_chain(chain.stations, chain.form)
+    ends = (_straight_end(chain, frame, first=first) for first in (True, False))
+    kinds = [kind for kind in (_blended_joints(chain), *ends) if kind is not None]
     if not kinds:
         return 0.0
-    every = _refitted(data, chain, _Kind(*map(np.concatenate, zip(*kinds, strict=True))))
+    every = _refitted(
+        data, chain, position, frame[:, 0], _Kind(*map(np.concatenate, zip(*kinds, strict=True)))
+    )
     return sum(map(_mean_square, *(one.reshape(len(kinds), -1) for one in every)))
 
 
-def _refitted(data: Data, chain: Chain, kind: _Kind) -> tuple[Vector, Vector]:
+def _refitted(
+    data: Data, chain: Chain, position: Points, tangent: Points, kind: _Kind
+) -> tuple[Vector, Vector]:
     """Gain [ln] and change of Φ [rad] by each length of a kind after a fit of the other parameters; (266)."""
-    position, frame = core.along_chain(chain.stations, chain.form)
-    rows = _Rows(data, frame[:, 0])
-    slopes = rows.of(*_derivatives(data, chain, position, rows.tangent))
+    rows = _Rows(data, tangent)
+    slopes = rows.of(*_derivatives(data, chain, position, tangent))
     scale = np.maximum(np.linalg.norm(slopes, axis=1), 1e-300)
     slopes /= scale[:, None]
-    sensed = rows.tangent if data.tangents is None else data.tangents.unit
-    residual = rows.of(data.points - position, np.nan_to_num(sensed - rows.tangent))
+    sensed = tangent if data.tangents is None else data.tangents.unit
+    residual = rows.of(data.points - position, np.nan_to_num(sensed - tangent))
     moved = rows.of(kind.moved, kind.turned)
     shared = moved @ slopes.T
     equations = slopes @ slopes.T + ROUNDING.exact * np.eye(len(slopes))  # a parameter may do what others do
@@ -113,11 +114,8 @@ def _refitted(data: Data, chain: Chain, kind: _Kind) -> tuple[Vector, Vector]:
 
 def _mean_square(gain: Vector, angle: Vector) -> float:
     """Mean square of changes of Φ [g] [rad] that gain so much [ln]: all together as likely as none; (267)."""
-    most = float(gain.max())
-    weight = np.exp(gain - most) / len(gain)
-    log_odds = most + math.log(weight.sum())
-    probability = 1.0 / (1.0 + math.exp(-log_odds)) if log_odds > -_CERTAIN else 0.0
-    return probability * float(weight @ angle**2 / weight.sum())
+    none = math.log(len(gain))
+    return float(model_probabilities(np.append(gain, none))[:-1] @ angle**2)
 
 
 def _lengths(longest: float) -> Vector:
@@ -125,15 +123,11 @@ def _lengths(longest: float) -> Vector:
     return longest * ((np.arange(FORMS.lengths) + 0.5) / FORMS.lengths) ** 2
 
 
-def _edges(chain: Chain) -> Vector:
-    return np.append(chain.joints, chain.stations.max())  # the last piece has no joint behind it
-
-
 def _blended_joints(chain: Chain) -> _Kind | None:
     """Joints over whose length the curvature passes from one piece to the next one evenly; (263)."""
     if len(chain.bend) == 1:
         return None
-    edge = _edges(chain)
+    edge = chain.edges
     room = np.minimum(np.diff(edge)[:-1], np.diff(edge)[1:])
     length = np.minimum(_lengths(float(room.max())), room[:, None])
     _, frame = core.along_chain(edge[1:-1], chain.form)
@@ -153,16 +147,15 @@ def _between(bend: Points) -> np.ndarray:
     return bend[:-1] + share * np.diff(bend, axis=0)
 
 
-def _straight_end(chain: Chain, *, first: bool) -> _Kind | None:
-    """Straight end instead of the last part of a bend; (263)."""
+def _straight_end(chain: Chain, frame: np.ndarray, *, first: bool) -> _Kind | None:
+    """Straight end instead of the last part of a bend, by the axes at the points [n, 3, 3]; (263)."""
     j = 0 if first else len(chain.bend) - 1
     if not chain.curved[j]:
         return None
-    edge = _edges(chain)
+    edge = chain.edges
     length = _lengths(FORMS.longest_end * float(edge[j + 1] - edge[j]))
     inward = chain.stations - edge[0] if first else edge[-1] - chain.stations
     past = np.maximum(length[:, None] - inward, 0.0)[..., None]
-    _, frame = core.along_chain(chain.stations, chain.form)
     bend = np.einsum("c,ncd->nd", chain.bend[j], frame[:, 1:])
     return _Kind(
         -0.5 * past**2 * bend,
@@ -200,6 +193,6 @@ def _derivatives_of_angle(data: Data, chain: Chain) -> Vector:
     """Differentiate Φ by the same parameters [m]: a joint that moves leaves more to the piece before it."""
     kappa = np.linalg.norm(chain.bend, axis=1)
     unit = chain.bend / np.maximum(kappa, 1e-300)[:, None]
-    of_bends = (unit * np.diff(_edges(chain))[:, None])[chain.curved]
+    of_bends = (unit * np.diff(chain.edges)[:, None])[chain.curved]
     of_start = np.zeros(first_joint_column(data.free))
     return np.concatenate((of_start, -np.diff(kappa), of_bends.ravel()))

@@ -92,6 +92,11 @@ class Chain(NamedTuple):
         return self.form[4:, 0]
 
     @property
+    def edges(self) -> Vector:
+        """The same, and where the last piece ends: at the farthest foot, it has no joint [k + 1] [m]."""
+        return np.append(self.joints, self.stations.max())
+
+    @property
     def bend(self) -> Points:
         """Curvature components of each piece [k, 2] [1/m]."""
         return self.form[4:, 1:]

@@ -100,7 +100,7 @@ def chain_follows(data: Data, chain: Chain) -> bool:
         used, spacing = int(np.count_nonzero(data.weight > 0.0)), float(chain.stations[-1]) / len(data.points)
         if is_off(float(data.weight @ chain.square), used, spacing, math.sqrt(data.variance)):
             return False
-    edge = np.append(chain.joints, chain.stations.max())  # the last piece has no joint behind it
+    edge = chain.edges
     turned = np.interp(chain.stations, edge, summed(np.linalg.norm(chain.bend, axis=1) * np.diff(edge)))
     return not turns_unobserved(data.points, data.weight, chain.stations, turned)
 
