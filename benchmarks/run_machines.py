@@ -132,7 +132,7 @@ def _fitted(
         whole = machine_run(f"run {k}", taken, route, nominal, most=len(taken["time_s"]))
         for name, column in predicted(whole, fitted.rig, values, _COARSE).items():
             if name in out:
-                out[name][rows] = column
+                out[name][rows] = whole.at_readings(column)
     return fitted, out
 
 
@@ -255,7 +255,8 @@ def _predictions(
         zeroed = run.name not in names and case.responses[0].zeroed and len(case.responses) == 1
         if zeroed:  # both count from the first row
             values = {key: 0.0 if "zero" in key[0] else value for key, value in mean.items()}
-        for name, column in finely_predicted(run, model.rig, values, _BARS).items():
+        for name, samples in finely_predicted(run, model.rig, values, _BARS).items():
+            column = run.at_readings(samples)
             out[name][rows] = column - column[0] if zeroed else column
     made = tuple(
         Estimate(each.name, "number", each.value(u), np.nan)

@@ -96,6 +96,9 @@ def test_a_position_that_drives_has_levels_of_its_turns_where_the_tension_shows_
     assert made.drive == "displacement_in"
     assert made.legs is not None
     assert len(made.legs.turns) == 7  # of four cycles
+    times = made.at_readings(made.given["time_s"])
+    assert len(times) == len(made.given["time_s"]) - 7
+    assert np.diff(times) == pytest.approx(times[1] - times[0])  # no moment of a turn is among them
     fitted = fit()
     assert sum(each.name.startswith("turn ") for each in fitted.estimates) == 7
     assert {each.unit for each in fitted.estimates if each.name.startswith("turn ")} == {"m"}

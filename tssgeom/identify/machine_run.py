@@ -61,6 +61,13 @@ class MachineRun:
     own; (70), (71), (276)."""
     notes: tuple[str, ...] = ()
 
+    def at_readings(self, values: Vector) -> Vector:
+        """Return values [s] of samples at those of the run alone, without turns between two of them."""
+        if self.legs is None:
+            return values
+        at = self.legs.turns
+        return np.delete(values, at + np.arange(len(at)))
+
 
 def machine_run(
     name: str, columns: Mapping[str, Vector], routes: Sequence[Arcs], rig: Rig, *, most: int | None = None
