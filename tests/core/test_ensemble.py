@@ -99,7 +99,7 @@ def test_drifts_are_compared_as_by_the_twin():
         np.tile(FIRST, (d, 1)),
         np.zeros((d, 4)),
         np.zeros((d, 4)),
-        np.tile([0.0, np.nan, 1.0, 0.3], (d, 1)),
+        np.tile([0.0, np.nan, 0.0, 0.3], (d, 1)),
     ]
     core.compare_drifts(members, np.zeros(d), stated, SHARE, FIRST, *SETTING, *kept)
     for _ in range(20):
@@ -116,12 +116,25 @@ def test_drifts_are_compared_as_by_the_twin():
             np.testing.assert_allclose(one, another, rtol=1e-9, atol=1e-13)
 
 
-def test_a_drift_that_waits_is_in_the_true_variances():
-    rng, d, waiting = np.random.default_rng(7), 3, np.array([0.0, 40.0, 0.0])
-    stated, chance = np.array([1e-4, 1e-3, 1e-3]), rng.dirichlet(np.ones(len(SHARE)), d)
-    last, variance = rng.uniform(0.5, 1.0, (d, 4)), np.array([0.1, 0.2, 0.0])
-    whole, ratio = core.true_variances(variance, waiting, stated, SHARE, chance, last)
-    np.testing.assert_allclose(whole, variance + last[:, 3] * stated * waiting)
-    right = last[:, 2] * variance + (chance @ SHARE) * stated * waiting
-    np.testing.assert_allclose((ratio * whole)[:2], right[:2])
-    assert ratio[2] == 1.0  # of a number that all members agree in
+def test_readings_add_the_same_information_to_what_is_known_as_to_the_members():
+    rng, d = np.random.default_rng(7), 3
+    of_members, of_known, by = (one @ one.T + 0.1 * np.eye(d) for one in rng.standard_normal((3, d, d)))
+    values, known, reading = rng.standard_normal((3, d))
+    last = np.column_stack((values, of_members.diagonal(), np.zeros(d), np.ones(d)))
+    beyond = core.known_beyond(values, of_members, known, of_known, last)
+    for one, another in zip(
+        core.known_numbers(values, of_members, last, beyond), (known, of_known), strict=True
+    ):
+        np.testing.assert_allclose(one, another, rtol=1e-9)
+
+    def read(value, covariance):
+        gain = covariance @ np.linalg.inv(covariance + by)
+        return value + gain @ (reading - value), covariance - gain @ covariance
+
+    after = core.known_numbers(*read(values, of_members), last, beyond)
+    slow = twin.known_numbers(*read(values, of_members), last, beyond)
+    for one, another, third in zip(after, read(known, of_known), slow, strict=True):
+        np.testing.assert_allclose(one, another, rtol=1e-8)
+        np.testing.assert_allclose(one, third, rtol=1e-8)
+    last[1, 1] = np.nan  # nothing is known beyond the members
+    np.testing.assert_array_equal(core.known_numbers(values, of_members, last, beyond)[1], of_members)

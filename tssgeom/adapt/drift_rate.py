@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tssgeom import core
+from tssgeom.adapt.readings import mean_and_covariance
 from tssgeom.arrays import Matrix, Vector
 
 
@@ -25,11 +26,11 @@ class DriftSettings(NamedTuple):
     changes: float = 1e-4
     """Probability in a second that its rate becomes another one [1/s]; chosen: once in hours."""
     least: float = 1e-2
-    """Least variance of a drift for which the filter is made, over that which is stated [1]. Chosen: a tenth
+    """Least variance of a drift for which members are made, over that which is stated [1]. Chosen: a tenth
     in a number, so that one that begins to drift is followed within a minute."""
     most: float = 1.0
-    """Most variance of a drift for which the filter is made, over that which is stated [1]. Chosen: what goes
-    faster widens the bars, and a fault is left to the watch."""
+    """Most variance of a drift for which members are made, over that which is stated [1]. Chosen: what goes
+    faster is followed beside them, and a fault is left to the watch."""
 
     @property
     def prior(self) -> Vector:
@@ -41,14 +42,14 @@ class DriftSettings(NamedTuple):
 
 
 DRIFT = DriftSettings()
-KEPT = ("chances", "means", "spreads", "last", "waiting")
+KEPT = ("chances", "means", "spreads", "last", "waiting", "beyond")
 """What a rate consists of beside what is stated."""
 _SHARES, _PRIOR = np.array(DRIFT.shares), DRIFT.prior
-_VARIANCE, _RATIO, _SHARE = 1, 2, 3  # columns of `last`
+_VARIANCE, _RATES = 1, 2  # columns of `last`
 
 
 class DriftRate:
-    """Follows each number once more for every rate at which it may drift, and compares these rates.
+    """Follows each number for every rate at which it may drift, and all together with the mean of these.
 
     Parameters
     ----------
@@ -64,11 +65,15 @@ class DriftRate:
         self.means: Matrix = np.zeros((d, len(_SHARES)))
         self.spreads: Matrix = np.zeros((d, len(_SHARES)))
         """[d, shares] Value and variance of each number, if its drift has that share."""
-        self.last: Matrix = np.tile([0.0, math.nan, 1.0, float(_PRIOR @ _SHARES)], (d, 1))
-        """[d, 4] Value and variance of the filter after the last drift, NaN before any, the true variance
-        over it, and the share for which the filter is made."""
+        self.last: Matrix = np.tile([0.0, math.nan, 0.0, float(_PRIOR @ _SHARES)], (d, 1))
+        """[d, 4] Value and variance of the members after the last drift, NaN before any, the variance between
+        the rates, and the share for which members are made."""
         self.waiting: Matrix = np.zeros((d, 1))
         """[d, 1] Time for which drift has not been added yet [s]."""
+        self.beyond: Matrix = np.zeros((d, d + 1))
+        """[d, d + 1] What is known beyond the members: information, and in the last column its product with
+        the numbers, about the values and in the standard deviations of `last`; docs/model.md (268)."""
+        self._diagonal = np.diag_indices(d)
 
     @property
     def rows(self) -> Matrix:
@@ -83,24 +88,28 @@ class DriftRate:
 
     @property
     def variance(self) -> Vector:
-        """[d] Variance of the change in a second for which the filter is made."""
-        return self.stated * self.last[:, _SHARE]
+        """[d] Variance of the change in a second, as it is by now."""
+        return self.stated * (self.chances @ _SHARES)
 
-    def spread(self, variances: Vector) -> tuple[Vector, Vector]:
-        """Return variances [d] with the drift that waits, and true ones over them; docs/model.md (268)."""
-        return core.true_variances(
-            variances, self.waiting[:, 0], self.stated, _SHARES, self.chances, self.last
-        )
+    def estimate(self, values: Vector, covariance: Matrix) -> tuple[Vector, Matrix]:
+        """Return the numbers [d] and their covariance [d, d], from those of the members; docs/model.md (268).
+
+        Drift that waits is in the covariance, and so is what rates differ in.
+        """
+        known, spread = core.known_numbers(values, covariance, self.last, self.beyond)
+        spread[self._diagonal] += self.variance * self.waiting[:, 0] + self.last[:, _RATES]
+        return known, spread
 
     def restart(self) -> None:
         """Begin anew with what is known of the numbers, which were set; rates stay."""
-        self.last[:, _VARIANCE], self.last[:, _RATIO] = math.nan, 1.0
+        self.last[:, _VARIANCE], self.last[:, _RATES], self.beyond[:] = math.nan, 0.0, 0.0
 
     def with_more(self, stated: Vector) -> DriftRate:
         """Return the same with further numbers."""
         other, count = DriftRate(np.concatenate((self.stated, stated))), len(self.stated)
-        for name in KEPT:
+        for name in KEPT[:-1]:
             getattr(other, name)[:count] = getattr(self, name)
+        other.beyond[:count, :count], other.beyond[:count, -1] = self.beyond[:, :-1], self.beyond[:, -1]
         return other
 
     def wait(self, span: float) -> None:
@@ -108,7 +117,7 @@ class DriftRate:
         self.waiting += span
 
     def take(self, drifts: NDArray[np.bool_], members: Matrix) -> Vector:
-        """Take in the members [n, d] before a drift; return its standard deviations [d]; (253), (269).
+        """Take in the members [n, d] before a drift; return its standard deviations [d]; (253), (268), (269).
 
         Parameters
         ----------
@@ -117,7 +126,9 @@ class DriftRate:
         """
         span = np.where(drifts, self.waiting[:, 0], 0.0)
         self.waiting[drifts] = 0.0
-        return core.compare_drifts(
+        values, covariance = mean_and_covariance(members)
+        known, spread = core.known_numbers(values, covariance, self.last, self.beyond)
+        sd = core.compare_drifts(
             members,
             span,
             self.stated,
@@ -131,3 +142,7 @@ class DriftRate:
             self.spreads,
             self.last,
         )
+        spread[self._diagonal] += self.variance * span
+        covariance[self._diagonal] += sd * sd
+        self.beyond = core.known_beyond(values, covariance, known, spread, self.last)
+        return sd

@@ -240,8 +240,7 @@ class Ensemble(Members):
             read = {name: (one, error) for name, one, error in pairs if math.isfinite(one)}
         return FollowedRig(
             self.keys,
-            taken.values,
-            self._true_covariance(taken.covariance),
+            *self.estimate(taken.values, taken.covariance),
             taken.ends[:4, 0],
             np.sqrt(taken.ends[:4, 1] + taken.compared.ends_by_drive[:4] ** 2),
             taken.innovation[:, 0],

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from tssgeom import core
 from tssgeom.adapt.drift_rate import DriftRate
 from tssgeom.adapt.followed import FollowedNumber, limits_of, with_numbers
-from tssgeom.adapt.readings import mean_and_variance
+from tssgeom.adapt.readings import mean_and_covariance
 from tssgeom.adapt.trailed_drive import TrailedDrive
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.rig import Rig
@@ -128,9 +128,15 @@ class Members(ABC):
         """[d] The numbers as they are now."""
         return self.members.sum(axis=0) / len(self.members)
 
+    def estimate(self, values: Vector, covariance: Matrix) -> tuple[Vector, Matrix]:
+        """Return the numbers [d] and their covariance [d, d], from mean and covariance of the members."""
+        values, covariance = self.drift.estimate(values, covariance)
+        return np.clip(values, self._limits.lower, self._limits.upper), covariance
+
     def rig_now(self) -> Rig:
         """Return the rig with the followed numbers as they are now."""
-        return with_numbers(self.rig, dict(zip(self.keys, self.values.tolist(), strict=True)))
+        values, _ = self.estimate(*mean_and_covariance(self.members))
+        return with_numbers(self.rig, dict(zip(self.keys, values.tolist(), strict=True)))
 
     def copied(self) -> Self:
         """Return a filter that goes on from here by itself."""
@@ -193,18 +199,6 @@ class Members(ABC):
         """Draw the straight lines about other values [d] where the numbers went far."""
         if (np.abs(values - self.about) > self._reach).any():
             self.draw_lines(values)
-
-    @property
-    def error_ratio(self) -> Vector:
-        """[d] Standard errors of the numbers, over those for which the filter is made."""
-        return np.sqrt(self.drift.spread(mean_and_variance(self.members)[1])[1])
-
-    def _true_covariance(self, covariance: Matrix) -> Matrix:
-        """Return the covariance of the numbers [d, d], from that of the members; docs/model.md (268)."""
-        whole, ratio = self.drift.spread(covariance.diagonal())
-        covariance.flat[:: len(whole) + 1] = whole
-        root = np.sqrt(ratio)
-        return covariance * (root[:, None] * root)
 
     def _drift(self, span: float, drives: Sequence[TrailedDrive]) -> None:
         """Add what the numbers change by, uncorrelated with what members differ in; (204), (269).

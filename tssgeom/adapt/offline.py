@@ -202,9 +202,7 @@ class RunFollower:
             self._histories.append((now.keys, NumberHistory(len(now.keys))))
             self._filter, self._smoothed = now, -math.inf
         if time >= self._smoothed + _SMOOTHED:
-            self._histories[-1][1].take(
-                time, known.values, known.covariance, now.drift.variance, now.error_ratio
-            )
+            self._histories[-1][1].take(time, known.values, known.covariance, now.drift.variance)
             self._smoothed = time
         self._ends[row], self._ends_se[row] = known.ends, known.ends_se
         for name, pair in known.read.items():

@@ -90,3 +90,10 @@ def mean_and_variance(values: Matrix) -> tuple[Vector, Vector]:
     mean = values.sum(axis=0) / len(values)
     deviation = values - mean
     return mean, (deviation * deviation).sum(axis=0) / (len(values) - 1)
+
+
+def mean_and_covariance(values: Matrix) -> tuple[Vector, Matrix]:
+    """Return the mean of each column, and the covariance of all."""
+    mean = values.sum(axis=0) / len(values)
+    deviation = values - mean
+    return mean, deviation.T @ deviation / (len(values) - 1)

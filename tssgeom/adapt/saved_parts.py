@@ -22,7 +22,7 @@ from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.capstan import MOST_TENSION
 from tssgeom.tendon.saved import route_object
 
-VERSION = 3
+VERSION = 4
 """Version of the objects of filters."""
 MOST = 1e12
 """Most of any number; chosen: as of a tendon's."""
@@ -78,6 +78,7 @@ def drift_of(saved: Mapping[str, Any], fresh: Ensemble) -> Matrix:
         require_sound(bool((one >= 0.0).all()), "drift")
     require_sound(np.allclose(rate.chances.sum(axis=1), 1.0) and bool(np.isfinite(rate.means).all()), "drift")
     require_sound(not (rate.last[:, 1] < 0.0).any() and bool((rate.last[:, 2:] >= 0.0).all()), "drift")
+    require_sound(bool(np.isfinite(rate.beyond).all()), "drift")
     return rows
 
 

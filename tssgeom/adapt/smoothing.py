@@ -21,10 +21,6 @@ class SmoothingSettings(NamedTuple):
     most_moments: int = 1000
     """Moments that are kept [1], twice as many meanwhile. Chosen: as many as pixels across a figure."""
 
-    steady: float = 60.0
-    """Time to either side over which true variances, over those of the filter, are averaged [s]; that to the
-    end of the run, where it is less. Chosen: some strokes; at one moment they are of what was known then."""
-
 
 _SETTINGS = SmoothingSettings()
 _RIDGE = 1e-12  # on the diagonal of correlations before they are inverted; derived: 1000 times rounding
@@ -78,9 +74,6 @@ class _Known(NamedTuple):
     time: float
     values: Vector
     covariance: Matrix
-    """Of the filter."""
-    root: Vector
-    """[d] True standard errors, over those of the filter."""
 
 
 class NumberHistory:
@@ -105,9 +98,7 @@ class NumberHistory:
         self._newest: _Known | None = None
         self._stride, self._since_kept = 1, 0
 
-    def take(
-        self, time: float, values: Vector, covariance: Matrix, drift: Vector, root: Vector | None = None
-    ) -> None:
+    def take(self, time: float, values: Vector, covariance: Matrix, drift: Vector) -> None:
         """Take in what is known after the readings of a time [s], not before that of the last one.
 
         Parameters
@@ -115,14 +106,11 @@ class NumberHistory:
         time
             Time [s].
         values, covariance
-            [d], [d, d] With true variances.
+            [d], [d, d] The estimate.
         drift
-            [d] Variance in a second of the drift since the last one, for which the filter was made.
-        root
-            [d] True standard errors, over those for which the filter was made, (268); 1 by default.
+            [d] Variance in a second of the drift since the last one.
         """
-        root = np.ones(len(values)) if root is None else root
-        now = _Known(time, np.array(values), covariance / np.outer(root, root), root)
+        now = _Known(time, np.array(values), np.array(covariance))
         if self._newest is not None:
             step = _step_back(
                 self._newest.values, self._newest.covariance, (time - self._newest.time) * drift
@@ -153,20 +141,12 @@ class NumberHistory:
         time = np.array([one.time for one in moments])
         filtered = np.array([one.values for one in moments]).reshape(-1, dimension)
         covariances = np.array([one.covariance for one in moments]).reshape(-1, dimension, dimension)
-        root = np.array([one.root for one in moments]).reshape(-1, dimension)
         values, covariance = filtered.copy(), covariances.copy()
         for k in range(len(moments) - 2, -1, -1):
             step = self._steps[k]
             values[k] = step.offset + step.gain @ values[k + 1]
             covariance[k] = step.covariance + step.gain @ covariance[k + 1] @ step.gain.T
-        steady = _steady(time, root)
-        return SmoothedNumbers(
-            time,
-            filtered,
-            covariances * root[:, :, None] * root[:, None, :],
-            values,
-            covariance * steady[:, :, None] * steady[:, None, :],
-        )
+        return SmoothedNumbers(time, filtered, covariances, values, covariance)
 
     def _thin(self) -> None:
         """Keep every other moment."""
@@ -176,14 +156,6 @@ class NumberHistory:
         self._stride *= 2
 
 
-def _steady(time: Vector, root: Matrix) -> Matrix:
-    """Return root mean squares of [m, d] over the moments about each."""
-    sums = np.vstack((np.zeros(root.shape[1]), np.cumsum(root * root, axis=0)))
-    side = np.minimum(_SETTINGS.steady, time[-1:] - time)
-    first, last = np.searchsorted(time, time - side, "left"), np.searchsorted(time, time + side, "right")
-    return np.sqrt((sums[last] - sums[first]) / (last - first)[:, None])
-
-
 def _step_back(values: Vector, covariance: Matrix, added: Vector) -> _Step:
     """Return the backward step of a random walk; docs/model.md (208)."""
     expected = covariance + np.diag(added)
@@ -191,4 +163,4 @@ def _step_back(values: Vector, covariance: Matrix, added: Vector) -> _Step:
     sd[sd == 0.0] = 1.0
     correlation = expected / np.outer(sd, sd) + _RIDGE * np.eye(len(sd))
     lost = added[:, None] * np.linalg.inv(correlation) / np.outer(sd, sd)  # Q (P + Q)⁻¹
-    return _Step(lost @ values, np.eye(len(sd)) - lost, np.diag(added) - lost * added)
+    return _Step(lost @ values, np.eye(len(values)) - lost, np.diag(added) - lost * added)

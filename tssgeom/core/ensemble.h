@@ -32,8 +32,8 @@ ENTRY void tss_compare_readings(
 `numbers` [n, d] are those of the members, `span` the time whose drift each is to have now [s], `stated` the variances
 of a drift in a second, `share` [s] the rates, over that, and `first` their probabilities at the start; `changes` is the
 probability in a second that a rate becomes another [1/s]. Changed are the probability of each rate, value and variance
-of its filter, and of each number what it was after the last drift: value, variance, true variance over it, and the share
-for which the filter is made, which is at least `least_share` and at most `most_share`. Returns the standard deviation of
+of its filter, and of each number what it was after the last drift: value, variance, variance between the rates, and the
+share for which the members are made, which is at least `least_share` and at most `most_share`. Returns the standard deviation of
 the drift that members are to have. */
 ENTRY void tss_compare_drifts(
     int64_t n, int64_t d, int64_t s, const double numbers[n][d], const double span[d], const double stated[d],
@@ -41,10 +41,17 @@ ENTRY void tss_compare_drifts(
     INOUT double chance[d][s], INOUT double mean[d][s], INOUT double spread[d][s], INOUT double last[d][4],
     OUT double sd[d]);
 
-/** Return variances [d] with a drift that waits [s], and true ones over them; docs/model.md (268).
+/** Return d numbers and their covariance, from `values` and `covariance` of members; docs/model.md (268).
 
-`stated`, `share`, `chance` and `last` are those of `compare_drifts`. */
-ENTRY void tss_true_variances(
-    int64_t d, int64_t s, const double variance[d], const double waiting[d], const double stated[d],
-    const double share[s], const double chance[d][s], const double last[d][4], OUT double whole[d],
-    OUT double ratio[d]);
+`last` is that of `compare_drifts`; `beyond` what is known beyond the members: information, and in its last column the
+product with the numbers, about the values and in the standard deviations of `last`. */
+ENTRY void tss_known_numbers(
+    int64_t d, const double values[d], const double covariance[d][d], const double last[d][4],
+    const double beyond[d][d + 1], OUT double known[d], OUT double spread[d][d],
+    WORK double work[7 * d * d + 2 * d]);
+
+/** Return `beyond` of `known_numbers`, from what is known and the members' values and covariance after a drift. */
+ENTRY void tss_known_beyond(
+    int64_t d, const double values[d], const double covariance[d][d], const double known[d],
+    const double spread[d][d], const double last[d][4], OUT double beyond[d][d + 1],
+    WORK double work[7 * d * d + 2 * d]);

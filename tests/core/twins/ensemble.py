@@ -59,9 +59,24 @@ def compare_drifts(values, variances, span, stated, share, first, setting, chanc
     gain = spread / expected
     new = weights / weights.sum(axis=1, keepdims=True), mean + gain * off, spread * (1.0 - gain)
     chance, mean, spread = (np.where(used[:, None], b, a) for a, b in zip(read, new, strict=True))
-    ratio = (chance * (spread + (mean - values[:, None]) ** 2)).sum(axis=1) / variances
-    chance = chance + np.minimum(changes * span, 1.0)[:, None] * (first - chance)
+    comes = np.minimum(changes * span, 1.0)[:, None] * first
+    stays = (1.0 - np.minimum(changes * span, 1.0))[:, None] * chance
+    middle = (chance * mean).sum(axis=1, keepdims=True)
+    between = (chance * (mean - middle) ** 2).sum(axis=1)
+    whole = (chance * spread).sum(axis=1, keepdims=True) + between[:, None]
+    chance = stays + comes
+    mixed = (stays * mean + comes * middle) / chance
+    spread = stays * (spread + (mean - mixed) ** 2) + comes * (whole + (middle - mixed) ** 2)
+    mean, spread = mixed, spread / chance
     rate = np.clip(chance @ share, least, most)
     added = rate * stated * span
-    last = np.column_stack((values, variances + added, ratio, rate))
+    last = np.column_stack((values, variances + added, between, rate))
     return np.sqrt(added), chance, mean, spread + np.outer(stated * span, share), last
+
+
+def known_numbers(values, covariance, last, beyond):
+    """Do as `tss_known_numbers`."""
+    unit = np.sqrt(last[:, 1])
+    more = beyond[:, :-1] / np.outer(unit, unit)
+    spread = np.linalg.inv(np.linalg.inv(covariance) + more)
+    return values + spread @ (beyond[:, -1] / unit - more @ (values - last[:, 0])), spread
