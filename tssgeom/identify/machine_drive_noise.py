@@ -13,7 +13,7 @@ import numpy as np
 
 from tssgeom.arrays import Vector
 from tssgeom.identify.drive import calmed
-from tssgeom.identify.turning import Legs, legs
+from tssgeom.identify.turning import Legs
 from tssgeom.statistics import reading_noise, root_mean_square
 
 
@@ -65,19 +65,12 @@ class NoisyInputs(NamedTuple):
             out = {channel: self._again(channel, rng)[self.kept][self.at] for channel in self.readings}
             if turns is not None:
                 out = {channel: with_turns_between(values, turns) for channel, values in out.items()}
-            pulled = {
-                channel: legs(
-                    made.values + made.noise * rng.standard_normal(len(time)),
-                    time,
-                    of_position=made.least < 0.0,
-                )
-                for channel, made in self.pulls.items()
-            }
+            pulled = {channel: made.again(time, rng) for channel, made in self.pulls.items()}
             if turns is None:
                 yield out | {channel: made.values[self.at] for channel, made in pulled.items()}
             elif all(len(made.turns) == len(turns) for made in pulled.values()):
                 yield out | {
-                    channel: np.insert(made.values, turns, made.turn_values)
+                    channel: np.insert(made.values[self.at], turns, made.turn_values)
                     for channel, made in pulled.items()
                 }
 

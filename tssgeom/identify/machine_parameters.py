@@ -13,6 +13,7 @@ from scipy.special import ndtr
 from tssgeom.identify.fit import start_rig
 from tssgeom.identify.machine_run import LIMITS, MachineRun
 from tssgeom.rig import Rig
+from tssgeom.tendon.machine_simulation import drive_channels
 from tssgeom.uncertain import Prior, Uncertain, assumed
 
 
@@ -94,7 +95,7 @@ def _of_run(run: MachineRun, k: int, runs: int, rig: Rig) -> Iterator[Parameter]
         motion = run.given["motor_angle_rad"]
         prior = Prior(float(motion[0]), LIMITS.zero * float(np.ptp(motion)), log=False)
         yield Parameter(f"zero of motor_angle_rad{of}", "rad", prior, "given zero", k, "motor_angle_rad")
-    unit = "N" if run.drive == "tension_in" else "m"
+    unit = unit_of(drive_channels(run.drive, run.tendons)[0])
     for turn, sd in enumerate(run.legs.fitted_se if run.legs is not None else ()):
         prior = Prior(0.0, sd, log=False)
         yield Parameter(f"turn {turn + 1} of the drive{of}", unit, prior, "turn", k, str(turn))

@@ -11,7 +11,7 @@ from tssgeom.arrays import Vector
 from tssgeom.errors import FitError, SettingsError
 from tssgeom.identify.machine_drive_noise import NoisyInputs, is_noisy, noisy_inputs, with_turns_between
 from tssgeom.identify.readings import READING, with_added
-from tssgeom.identify.turning import Legs, legs, with_turns
+from tssgeom.identify.turning import Legs, legs, turns_between_readings, with_turns
 from tssgeom.mechanism import numbered, tendon_count
 from tssgeom.plausibility.kinds import Remark
 from tssgeom.plausibility.limits import LIMITS as PLAUSIBLE
@@ -57,7 +57,7 @@ class MachineRun:
     inputs: NoisyInputs
     """What acts and is noisy."""
     legs: Legs | None = None
-    """The drive of one tendon by its tension, or by a position beside that, whose turns have levels of their
+    """The one channel that drives, a tension or a position beside a force, whose turns have levels of their
     own; (70), (71), (276)."""
     notes: tuple[str, ...] = ()
 
@@ -112,10 +112,13 @@ def machine_run(
         )
     most = most or LIMITS.most_samples
     pulled = drive_channels(drive, count) if drive == "tension_in" else ()
-    moved = _position_beside_tension(columns, rows, drive, count)
+    moved = _position_beside_force(columns, rows, drive, count)
     noisy = noisy_inputs(columns, rows, [each for each in given_names[1:] if each not in (*pulled, *moved)])
     given = {each: noisy.readings.get(each, columns[each][rows]) for each in given_names}
-    levelled = {each: legs(given[each], given["time_s"], of_position=True) for each in moved}
+    levelled = {
+        each: legs(given[each], given["time_s"], of_position=True, calm=each == "motor_angle_rad")
+        for each in moved
+    }
     motion = given[given_names[1]]
     turning = np.concatenate([turns_of(motion), *(each.turns for each in levelled.values())])
     kept = _thinned(len(rows), turning, most)
@@ -149,19 +152,22 @@ def machine_run(
         notes=(*notes, *signs),
     )
     run = with_drive_known(run, rig.drive.lag_s)
-    return _with_turns_between(run, pulls[(*pulled, *moved)[0]]) if pulls and count == 1 else run
+    return _with_turns_between(run, *pulls.values()) if len(pulls) == 1 else run
 
 
-def _position_beside_tension(
+def _position_beside_force(
     columns: Mapping[str, Vector], rows: np.ndarray, drive: DriveName, count: int
 ) -> tuple[str, ...]:
-    """Return the position of one tendon that drives, where its tension is measured; docs/model.md (276)."""
-    if drive != "displacement_in" or count != 1 or "tension_in_N" not in columns:
+    """Return the one position that drives, where its force is measured too; docs/model.md (276), (277)."""
+    channel, *more = drive_channels(drive, count)
+    if drive not in ("displacement_in", "motor_angle_rad") or more:
         return ()
-    (channel,) = drive_channels(drive, count)
+    forces = [each for each in (*numbered("tension_in_N", count), "motor_torque_Nm") if each in columns]
+    known = any(np.isfinite(columns[each][rows]).sum() >= READING.fewest for each in forces)
     readings = columns[channel][rows]
-    known = np.isfinite(columns["tension_in_N"][rows]).sum() >= READING.fewest
-    return (channel,) if known and is_noisy(readings, reading_noise(readings)) else ()
+    if not known or not is_noisy(readings, reading_noise(readings)):
+        return ()
+    return (channel,) if drive == "displacement_in" or turns_between_readings(readings) else ()
 
 
 def _kept_legs(made: Legs, kept: np.ndarray) -> Legs:
@@ -178,12 +184,12 @@ def with_drive_known(run: MachineRun, lag: float) -> MachineRun:
 
 
 def _with_turns_between(run: MachineRun, made: Legs) -> MachineRun:
-    """Return the run with a sample at each turn of its tension, between two readings; docs/model.md (70)."""
+    """Return the run with a sample at each turn of its drive, between two readings; docs/model.md (70)."""
     at, samples = made.turns, len(run.held_out)
     added = np.zeros(samples + len(at), dtype=bool)
     added[at + np.arange(len(at))] = True
     given = {name: with_turns_between(values, at) for name, values in run.given.items()}
-    given[drive_channels(run.drive, 1)[0]] = with_turns(made, np.zeros(len(at)))
+    given[drive_channels(run.drive, run.tendons)[0]] = with_turns(made, np.zeros(len(at)))
     measured = {name: with_added(values, added) for name, values in run.measured.items()}
     held_out = np.insert(run.held_out, at, False)
     return replace(run, given=given, measured=measured, held_out=held_out, legs=made)
@@ -207,15 +213,18 @@ def answering(rig: Rig, count: int) -> tuple[str, ...]:
 
 
 def thinned(run: MachineRun, most: int) -> MachineRun:
-    """Return a run of at most about so many samples, turns of the drive with them; one by tension stays."""
-    if run.legs is not None:
-        return run
-    motion = run.given[drive_channels(run.drive, run.tendons)[0]]
-    at = _thinned(len(motion), turns_of(motion), most)
-    given = {name: np.ascontiguousarray(values[at]) for name, values in run.given.items()}
-    measured = {name: values[at] for name, values in run.measured.items()}
+    """Return a run of at most about so many samples, turns of the drive with them."""
+    made, channel = run.legs, drive_channels(run.drive, run.tendons)[0]
+    given, measured = (
+        {name: run.at_readings(values) for name, values in each.items()} for each in (run.given, run.measured)
+    )
+    motion, held_out = given[channel], run.at_readings(run.held_out)
+    at = _thinned(len(motion), turns_of(motion) if made is None else made.turns, most)
+    given = {name: np.ascontiguousarray(values[at]) for name, values in given.items()}
+    measured = {name: values[at] for name, values in measured.items()}
     noisy = run.inputs._replace(at=run.inputs.at[at])
-    return replace(run, given=given, measured=measured, held_out=run.held_out[at], inputs=noisy)
+    run = replace(run, given=given, measured=measured, held_out=held_out[at], inputs=noisy, legs=None)
+    return run if made is None else _with_turns_between(run, _kept_legs(made, at))
 
 
 def _thinned(samples: int, edges: np.ndarray, most: int) -> np.ndarray:
@@ -259,12 +268,12 @@ class Machines:
         machine = self._on(run.routes, [values.get(("route", str(k)), 1.0) for k in range(len(run.routes))])
         shares = np.array([values.get(("history", str(which)), 0.0) for which in range(machine.count)])
         given = dict(run.given)
+        if run.legs is not None:
+            shifts = np.array([values.get(("turn", str(turn)), 0.0) for turn in range(len(run.legs.turns))])
+            given[drive_channels(run.drive, run.tendons)[0]] = with_turns(run.legs, shifts)
         for (kind, channel), zero in values.items():
             if kind == "given zero":
                 given[channel] = given[channel] - zero
-        if run.legs is not None:
-            shifts = np.array([values.get(("turn", str(turn)), 0.0) for turn in range(len(run.legs.turns))])
-            given[drive_channels(run.drive, 1)[0]] = with_turns(run.legs, shifts)
         out = simulate_machine(machine, given, drive=run.drive, end_given=run.end_given, start=Start(shares))
         return {name: out[name] + values.get(("zero", name), 0.0) for name in run.measured}
 

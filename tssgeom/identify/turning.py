@@ -9,7 +9,8 @@ of the fit.
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,8 @@ from scipy.optimize import isotonic_regression
 
 from tssgeom.arrays import Vector, read_only
 from tssgeom.core.constants import CHANCE
-from tssgeom.identify.turn_levels import turn_level
+from tssgeom.identify.drive import calmed
+from tssgeom.identify.turn_levels import TurnLevel, turn_level
 from tssgeom.statistics import reading_noise, turns
 
 
@@ -43,7 +45,7 @@ class Legs:
     values: Vector
     """[n] Tension at each reading [N]."""
     turns: NDArray[np.intp]
-    """[m] Readings at which the drive turns, without both ends."""
+    """[m] Readings before which the drive turns, without both ends."""
     turn_values: Vector
     """[m] Tension at the turning points [N]."""
     turn_se: Vector
@@ -52,6 +54,8 @@ class Legs:
     """Standard deviation of one reading [N]."""
     least: float = 0.0
     """Below which the drive cannot be [N]: a tendon only pulls; a position may be anywhere."""
+    calm: bool = False
+    """Whether it is that of (66) between its turns."""
 
     @property
     def fitted_se(self) -> list[float]:
@@ -59,17 +63,55 @@ class Legs:
         least = 1e-9 * float(np.ptp(self.values))  # for a drive without noise
         return np.maximum(self.turn_se[: LEGS.most_turns], least).tolist()
 
+    def again(self, time: Vector, rng: np.random.Generator) -> Legs:
+        """Return the drive at its times [n] [s] as it might have been read with other noise."""
+        read = self.values + self.noise * rng.standard_normal(len(time))
+        if not self.calm:
+            return legs(read, time, of_position=self.least < 0.0)
+        at = self.turn_values + self.turn_se * rng.standard_normal(len(self.turns))
+        moved = replace(self, values=calmed(read, self.noise, time), turn_values=at)
+        return replace(moved, values=_bounded(moved, at))
 
-def legs(readings: Vector, time: Vector, *, of_position: bool = False) -> Legs:
-    """Make a proximal tension [n] [N], or position [m], at times [n] [s] monotone from turn to turn; (70)."""
+
+def turns_between_readings(readings: Vector) -> bool:
+    """Return whether a drive goes farther than its noise from a turn to the next reading; (277)."""
     noise = reading_noise(readings)
-    least = max(CHANCE.never * noise, LEGS.least_reversal * float(np.ptp(readings)))
-    inner = turns(readings, least)[1:-1]
+    at = _turns(readings, noise)[1:-1]
+    steps = np.max([np.abs(readings[at + step] - readings[at]) for step in (-1, 1)], axis=0)
+    return len(at) > 0 and float(np.median(steps)) > CHANCE.never * noise
+
+
+def _turns(readings: Vector, noise: float) -> NDArray[np.intp]:
+    return turns(readings, max(CHANCE.never * noise, LEGS.least_reversal * float(np.ptp(readings))))
+
+
+def legs(readings: Vector, time: Vector, *, of_position: bool = False, calm: bool = False) -> Legs:
+    """Make a proximal tension [n] [N], or position [m], at times [n] [s] monotone from turn to turn; (70).
+
+    Source: docs/model.md (70), with `calm` (277) for the angle of a motor [rad], (278) for where turns are.
+    """
+    noise = reading_noise(readings)
+    inner = _turns(readings, noise)[1:-1]
     edges = np.concatenate(([0], inner, [len(readings) - 1]))
     levels = [
         turn_level(time, readings, int(turn), (int(before), int(behind)), noise)
         for before, turn, behind in zip(edges, inner, edges[2:], strict=False)
     ]
+    values = calmed(readings, noise, time) if calm else _monotone(readings, edges, levels)
+    at, se = np.array([[each.value, each.se] for each in levels]).reshape(-1, 2).T
+    for k, turn in enumerate(inner):
+        bound = np.minimum if readings[turn] > readings[edges[k]] else np.maximum
+        near = slice(edges[k], edges[k + 2] + 1)
+        values[near] = bound(values[near], at[k])
+    before, behind = (np.abs(readings[inner + step] - readings[inner]) for step in (-1, 1))
+    low = -np.inf if of_position else 0.0
+    turned = inner + (behind < before)
+    values, at = (read_only(np.maximum(each, low)) for each in (values, at))
+    return Legs(values, turned, at, read_only(se), noise, low, calm)
+
+
+def _monotone(readings: Vector, edges: NDArray[np.intp], levels: Sequence[TurnLevel]) -> Vector:
+    """Return readings monotone from edge to edge, as the levels state about turns."""
     values = np.array(readings, dtype=np.float64)
     for each in levels:
         values[each.start : each.start + len(each.values)] = each.values
@@ -77,15 +119,7 @@ def legs(readings: Vector, time: Vector, *, of_position: bool = False) -> Legs:
         rising = readings[stop] > readings[start]
         leg = isotonic_regression(values[start : stop + 1], increasing=bool(rising)).x
         values[start : stop + 1] = _without_stairs(leg)
-    at, se = np.array([[each.value, each.se] for each in levels]).reshape(-1, 2).T
-    for k, turn in enumerate(inner):
-        bound = np.minimum if readings[turn] > readings[edges[k]] else np.maximum
-        near = slice(edges[k], edges[k + 2] + 1)
-        values[near] = bound(values[near], at[k])
-    low = -np.inf if of_position else 0.0
-    return Legs(
-        read_only(np.maximum(values, low)), inner, read_only(np.maximum(at, low)), read_only(se), noise, low
-    )
+    return values
 
 
 def _without_stairs(leg: Vector) -> Vector:
