@@ -1,5 +1,6 @@
 """Figures for print: their widths, fonts and units, and that bands and strokes are those of the results."""
 
+import io
 import re
 from collections.abc import Callable
 from dataclasses import replace
@@ -16,7 +17,7 @@ from tests.view.layout import faults
 from tests.worked_finding import worked_finding
 from tssgeom.stream import Frame, FrameResult
 from tssgeom.view.figures.paper import paper_figures
-from tssgeom.view.figures.plots import COLUMN, INK, SMALLEST, VECTOR, figure, markup, save
+from tssgeom.view.figures.plots import COLUMN, INK, SMALLEST, VECTOR, figure, markup, save, style
 from tssgeom.view.figures.restyle import subscripts
 from tssgeom.view.figures.shapes import figures_of, route_figure, time_figure, transmission_figure
 from tssgeom.view.figures.style import StyleName, choose, for_print
@@ -282,3 +283,12 @@ def test_the_report_has_a_chart_for_each_panel_in_print(moving: list[FrameResult
     assert page.count("<svg") == len([title for title in titles if title])
     (angle,) = {match for title in titles for match in re.findall(r"Φ = .*", title)}
     assert angle in page
+
+
+def test_axes_of_a_page_have_the_position_that_matplotlib_gives_them(figures):
+    once, twice = (figures["run transmission"]() for _ in range(2))
+    markup(once)
+    with style():
+        twice.savefig(io.StringIO(), format="svg")
+    for mine, theirs in zip(once.axes, twice.axes, strict=True):
+        np.testing.assert_allclose(mine.get_position().bounds, theirs.get_position().bounds, rtol=1e-9)

@@ -12,6 +12,7 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
@@ -178,11 +179,21 @@ def markup(drawing: Figure) -> str:
 def inline_svg(drawing: Figure) -> str:
     """Write a figure as SVG for the inside of a page: without header, and without ids that could collide."""
     stream = io.StringIO()
+    _position_axes(drawing)
     drawing.savefig(stream, format="svg", transparent=True, metadata={"Date": None, "Creator": None})
     text = stream.getvalue()
     text = re.sub(r' id="[A-Za-z0-9.]+_\d+"', "", text[text.index("<svg") :])
     text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
     return _TAG.sub(_with_short_coordinates, text).replace("\n", " ")
+
+
+def _position_axes(drawing: Figure) -> None:
+    """Position the axes of a figure; matplotlib would draw it whole for that, and again to write it."""
+    engine = drawing.get_layout_engine()
+    if engine is not None:
+        FigureCanvasSVG(drawing)
+        engine.execute(drawing)
+        drawing.set_layout_engine("none")
 
 
 _TAG = re.compile(r"<[^>]+>")
