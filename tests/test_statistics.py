@@ -8,7 +8,7 @@ from scipy import optimize, stats
 
 from tssgeom import core
 from tssgeom.core.constants import MEDIANS
-from tssgeom.statistics import information_price, robust_sd
+from tssgeom.statistics import information_price, monotone, robust_sd
 
 
 def test_medians_of_normal_numbers_are_those_of_their_distributions():
@@ -36,6 +36,13 @@ def test_isotonic_regression_agrees_with_scipy():
     x, weight = np.arange(50) / 10 + rng.standard_normal(50), rng.uniform(0.1, 3.0, 50)
     expected = optimize.isotonic_regression(x, weights=weight).x
     np.testing.assert_allclose(core.isotonic_regression(x, weight), expected, rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize("rising", [True, False])
+def test_monotone_values_agree_with_scipy(rising):
+    values = np.random.default_rng(3).standard_normal(50)
+    expected = optimize.isotonic_regression(values, increasing=rising).x
+    np.testing.assert_allclose(monotone(values, rising=rising), expected, rtol=1e-12, atol=1e-12)
 
 
 def test_each_parameter_costs_the_logarithm_of_the_number_of_values():

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tssgeom import core
 from tssgeom.arrays import Vector
 from tssgeom.core.constants import MEDIANS, ROUNDING
 
@@ -46,6 +47,12 @@ def robust_sd(off: np.ndarray) -> float:
 def information_price(parameters: float, values: float) -> float:
     """Return what BIC, the Bayesian information criterion, adds to -2 ln likelihood for its parameters."""
     return parameters * math.log(values)
+
+
+def monotone(values: Vector, *, rising: bool) -> Vector:
+    """Return the values [n] nearest to others by squares that nowhere fall, or nowhere rise."""
+    way = 1.0 if rising else -1.0
+    return way * core.isotonic_regression(way * values, np.ones(len(values)))
 
 
 def reading_noise(readings: Vector, time: Vector | None = None) -> float:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from msgspec.structs import replace as changed
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from tssgeom.arrays import Matrix, Vector, read_only
 from tssgeom.core.constants import CHANCE
@@ -283,7 +283,7 @@ def _calibration(fit: _Fit, of_route: Matrix, warnings: tuple[str, ...]) -> Cali
     problem, stack = fit.problem, fit.problem.stack
     counts = np.array([block.rows.stop - block.rows.start for block in stack.blocks])
     effective = counts / fit.inflation
-    quantile = float(student.ppf(0.975, max(float(effective.sum()) - fit.at.size, 2.0)))
+    quantile = float(stdtrit(max(float(effective.sum()) - fit.at.size, 2.0), 0.975))
     half = quantile * np.sqrt(np.diag(fit.covariance + of_route))
     spread = np.sqrt(np.diag(fit.covariance))
     observable = [is_identified(*pair) for pair in zip(spread, prior_sd(fit.at), strict=True)]

@@ -9,12 +9,12 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from scipy.optimize import isotonic_regression
 from scipy.special import ndtri
 
 from tssgeom.arrays import Vector
 from tssgeom.core.constants import CHANCE
 from tssgeom.identify.turn_shapes import fitted_turn
+from tssgeom.statistics import monotone
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +67,7 @@ def calmed(drive: Vector, noise: float, time: Vector | None = None) -> Vector:
     out = np.empty(len(drive))
     for (first, last), (here, there) in zip(pairwise(turns), pairwise(ends), strict=True):
         out[first : last + 1] = np.clip(
-            _monotone(drive[first : last + 1], there - here), min(here, there), max(here, there)
+            monotone(drive[first : last + 1], rising=there >= here), min(here, there), max(here, there)
         )
     for k, turn in enumerate(turns):
         between = int(turns[max(k - 1, 0)]), int(turns[min(k + 1, len(turns) - 1)])
@@ -79,10 +79,6 @@ def calmed(drive: Vector, noise: float, time: Vector | None = None) -> Vector:
         if stop - start >= _FEWEST:
             _level(out, start, stop, float(np.mean(drive[start:stop])), noise)
     return out
-
-
-def _monotone(values: Vector, way: float) -> Vector:
-    return isotonic_regression(values, increasing=way >= 0.0).x
 
 
 def _write_shape(out: Vector, between: tuple[int, int], turn: int, shape: tuple[int, Vector]) -> int:

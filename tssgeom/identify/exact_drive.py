@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.errors import FitError
@@ -91,7 +91,7 @@ def drive_noise(
         changes.append(change)
     if not errors:
         return DriveNoise(np.zeros_like(bread), np.zeros(len(here)))
-    factor = (float(student.ppf(0.975, len(errors))) / NORMAL_95) ** 2
+    factor = (float(stdtrit(len(errors), 0.975)) / NORMAL_95) ** 2
     of_draws = factor * np.transpose(errors) @ np.array(errors) / len(errors)
     of_levels = bread[:, fitted] @ bread[fitted]  # the draws have it too
     return DriveNoise(of_draws - of_levels, np.sqrt(np.mean(np.square(changes), axis=0)))

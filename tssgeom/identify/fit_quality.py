@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from tssgeom.arrays import Vector
 from tssgeom.core.constants import CHANCE
@@ -109,7 +109,7 @@ def whiteness(left: Vector) -> float:
     if lags < 1 or power <= 0.0:
         return 1.0
     square = sum(float(off[k:] @ off[:-k]) ** 2 / (n - k) for k in range(1, lags + 1))
-    return float(chi2.sf(n * (n + 2) * square / power**2, lags))
+    return float(chdtrc(lags, n * (n + 2) * square / power**2))
 
 
 def is_identified(sd: float, assumed: float = 1.0) -> bool:

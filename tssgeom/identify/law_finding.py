@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from tssgeom import core
 from tssgeom.arrays import Vector, read_only
 from tssgeom.effects import AnyEffect
 from tssgeom.errors import FitError
@@ -123,10 +124,8 @@ def curve(fit: LawFit, which: int, nearest: tuple[tuple[str, float], ...] = ()) 
 
 def _finer(one: Mechanism, *values: Vector) -> tuple[Vector, list[Vector]]:
     """Return the knots of a curve made dense, and values there; of numbers that make no curve as they are."""
-    from scipy.interpolate import PchipInterpolator
-
     if len(one.x) < 4:
         return one.x, list(values)
     dense = np.linspace(0.0, 1.0, _POINTS)
-    x = PchipInterpolator(one.warped, one.x)(dense)
-    return x, [np.asarray(PchipInterpolator(one.x, each)(x), dtype=np.float64) for each in values]
+    x = core.tabulated(core.table_of(one.warped, one.x), dense)
+    return x, [core.tabulated(core.table_of(one.x, each), x) for each in values]

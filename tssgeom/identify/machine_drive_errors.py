@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.errors import FitError
@@ -54,7 +54,7 @@ def drive_errors(problem: Problem, state: FitState, slope: Matrix, covariance: M
             freedom += count
             levels_known[turns] = 1.0
     if freedom:
-        of_drive *= (float(student.ppf(0.975, freedom)) / NORMAL_95) ** 2
+        of_drive *= (float(stdtrit(freedom, 0.975)) / NORMAL_95) ** 2
     of_levels = (covariance * levels_known) @ covariance  # the draws have it too
     return DriveErrors(of_drive, np.asarray(covariance - of_levels, dtype=np.float64))
 

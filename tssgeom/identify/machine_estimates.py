@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from tssgeom.arrays import Vector
 from tssgeom.core.constants import CHANCE
@@ -99,7 +99,7 @@ def calibration_of(
 ) -> MachineCalibration:
     """Return the estimates of a fit, with the covariance of Gauss and Newton; docs/model.md (181)-(183)."""
     effective = sum(len(each) for each in state.left) / float(np.mean(state.inflation))
-    quantile = float(student.ppf(0.975, max(effective - len(state.u), 2.0)))
+    quantile = float(stdtrit(max(effective - len(state.u), 2.0), 0.975))
     problem, state, posterior = posterior_of(problem, state, quantile)
     estimates = tuple(_estimates(problem, posterior))
     values = {each.key: each.value for each in estimates if each.key}

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from tssgeom.arrays import Matrix, Vector, read_only
 from tssgeom.core.constants import CHANCE
@@ -169,7 +169,7 @@ def _is_worse(before: Vector, after: Vector, count: int, chance: float) -> bool:
     """Whether a channel is predicted worse beyond chance, by its whitened rest of so many readings; (245)."""
     first, second = _huber(before), _huber(after)
     variance = inflation_of(before[:count]) * first / count
-    return second - first > float(norm.isf(chance)) ** 2 * max(1.0, variance)
+    return second - first > float(ndtri(chance)) ** 2 * max(1.0, variance)
 
 
 def _worse(channel: str, rms: Sequence[float]) -> str:

@@ -14,13 +14,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import isotonic_regression
 
 from tssgeom.arrays import Vector, read_only
 from tssgeom.core.constants import CHANCE
 from tssgeom.identify.drive import calmed
 from tssgeom.identify.turn_levels import TurnLevel, turn_level
-from tssgeom.statistics import reading_noise, turns
+from tssgeom.statistics import monotone, reading_noise, turns
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,7 +116,7 @@ def _monotone(readings: Vector, edges: NDArray[np.intp], levels: Sequence[TurnLe
         values[each.start : each.start + len(each.values)] = each.values
     for start, stop in itertools.pairwise(edges):
         rising = readings[stop] > readings[start]
-        leg = isotonic_regression(values[start : stop + 1], increasing=bool(rising)).x
+        leg = monotone(values[start : stop + 1], rising=bool(rising))
         values[start : stop + 1] = _without_stairs(leg)
     return values
 

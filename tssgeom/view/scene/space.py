@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 import rerun as rr
-import trimesh
-from scipy.spatial import KDTree
 
 from tssgeom.arrays import Points
 from tssgeom.lumen.clearance import Clearance
@@ -19,6 +18,9 @@ from tssgeom.view.scene.camera import Camera
 from tssgeom.view.scene.columns import Sender, segments_3d
 from tssgeom.view.scene.labels import LabelPositions, label_positions, labelled, scale_label, time_position
 from tssgeom.view.scene.run import Run, send_numbers_of_route
+
+if TYPE_CHECKING:
+    import trimesh
 
 _FEW_POINTS = 40
 """Up to this number sensed points are drawn larger, as each of them is a marker."""
@@ -99,6 +101,9 @@ def _send_lumen(sender: Sender, run: Run, lumen: trimesh.Trimesh) -> None:
 
 def _outward(lumen: trimesh.Trimesh, route: Points) -> trimesh.Trimesh:
     """Turn the faces of a wall away from the route inside it."""
+    import trimesh
+    from scipy.spatial import KDTree
+
     corners = lumen.vertices[lumen.faces]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     centre = corners.mean(axis=1)
