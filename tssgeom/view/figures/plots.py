@@ -65,6 +65,7 @@ _RC: Any = {
     "axes.labelcolor": INK,
     "axes.titlesize": 8.5,
     "axes.titlelocation": "left",
+    "axes.titley": 1.0,  # no axis is on top; else matplotlib measures every label for it
     "axes.spines.top": False,
     "axes.spines.right": False,
     "axes.grid": True,
