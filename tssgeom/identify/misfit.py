@@ -18,7 +18,7 @@ from tssgeom.errors import FitError
 from tssgeom.identify.finding import PHASES, Misfit, Trace
 from tssgeom.identify.fit import Point, Problem, Whitening, posed, whitening
 from tssgeom.identify.fit_quality import inflation_of
-from tssgeom.identify.prediction import FINE, Errors, exact, stacked, total_sigma
+from tssgeom.identify.prediction import FINE, Errors, errors_of, exact, stacked, total_sigma
 from tssgeom.identify.readings import Reading
 from tssgeom.identify.screening import leftover
 from tssgeom.rig import Rig
@@ -263,8 +263,8 @@ def _on_nodes(model: Model, trace: RunTrace, s: Vector) -> Matrix:
 
 def traces(readings: Sequence[Reading], rig: Rig, before: Point, after: Point) -> tuple[Trace, ...]:
     """Return every run with what the base model and the better one make of it."""
-    _, errors = posed(stacked(readings), rig, after)
-    sigma = stacked(readings).split(total_sigma(errors))
+    stack = stacked(readings)
+    sigma = stack.split(total_sigma(errors_of(stack, after.rig(rig), after.effects)))
     return tuple(_trace(reading, rig, (before, after), sigma[k]) for k, reading in enumerate(readings))
 
 
