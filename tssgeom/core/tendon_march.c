@@ -8,21 +8,21 @@
 
 /* Tension behind a contact that slides and its slope; the friction depends on the load that it has itself.
 
-   `sign` is −1 on a pull, +1 on a release; docs/model.md (52). */
+   `sign` is −1 on a pull, +1 on a release, `m` the exponent by the tension before and `ratio` what it makes of
+   `near`; docs/model.md (52). */
 static double slide_loaded(
-    const bar_laws *laws, int64_t i, double near, double old, double exponent, double sign, double *slope) {
-    double fixed = laws->fitting[i], force = laws->force[i], rise;
-    double here = old, m = exponent * load_factor(laws, 0.5 * (near + old), &rise);
+    const bar_laws *laws, int64_t i, double near, double exponent, double m, double ratio, double sign,
+    double *slope) {
+    double fixed = laws->fitting[i], force = laws->force[i], rise = 0.0;
     for (int64_t turn = 0; turn < SOLVER.trials; turn++) {
-        double ratio = exp(sign * (m + fixed));
-        here = most(0.0, ratio * near + sign * force);
+        double here = most(0.0, ratio * near + sign * force);
         double wanted = exponent * load_factor(laws, 0.5 * (near + here), &rise);
         double bend = sign * 0.5 * exponent * rise * ratio * near; /* d wanted / d m */
         double change = (wanted - m) / (1.0 - bend);
         m += change;
+        ratio = exp(sign * (m + fixed));
         if (fabs(change) <= sqrt(SWEEP.close)) break;
     }
-    double ratio = exp(sign * (m + fixed));
     double share = 0.5 * exponent * rise * ratio * near;
     *slope = (ratio + sign * share) / (1.0 - sign * share);
     return most(0.0, ratio * near + sign * force);
@@ -41,11 +41,17 @@ carry(const bar_laws *laws, const bar_memory *memory, step_room *room, double st
         double lower = down * near - laws->force[i], upper = up * near + laws->force[i];
         if (laws->loaded) {
             double unused, factor = load_factor(laws, 0.5 * (near + here), &unused);
-            lower = exp(-room->pulling[i] * factor - laws->fitting[i]) * near - laws->force[i],
-            upper = INFINITY;
-            if (here < lower) lower = slide_loaded(laws, i, near, here, room->pulling[i], -1.0, &down);
-            else upper = exp(room->releasing[i] * factor + laws->fitting[i]) * near + laws->force[i];
-            if (here > upper) upper = slide_loaded(laws, i, near, here, room->releasing[i], 1.0, &up);
+            double pull = room->pulling[i], release = room->releasing[i];
+            down = exp(-pull * factor - laws->fitting[i]);
+            lower = down * near - laws->force[i], upper = INFINITY;
+            if (here < lower) {
+                lower = slide_loaded(laws, i, near, pull, pull * factor, down, -1.0, &down);
+            } else {
+                up = exp(release * factor + laws->fitting[i]);
+                upper = up * near + laws->force[i];
+            }
+            if (here > upper)
+                upper = slide_loaded(laws, i, near, release, release * factor, up, 1.0, &up);
         }
         if (here < lower) here = lower, c->slip[i] = PULLED, share *= down;
         else if (here > upper) here = upper, c->slip[i] = RELEASED, share *= up;
