@@ -84,9 +84,9 @@ def test_a_part_too_small_to_be_measured_is_not_contradicted(clean):
 def test_a_model_is_simulated_once_however_often_it_is_asked_for(clean, monkeypatch):
     held, at = clean
     part, simulations = with_part(at, TensionInGain(gain_error=0.01)), []
-    whole = prediction.run_channels
+    whole = prediction.carry_on
     counted = lambda *args, **options: simulations.append(1) or whole(*args, **options)  # noqa: E731
-    monkeypatch.setattr(prediction, "run_channels", counted)
+    monkeypatch.setattr(prediction, "carry_on", counted)
     fresh = replace(held, simulated={})
     changes = [fresh.change(at, replace(at), part) for _ in range(3)]
     assert len(simulations) == 2 * len(held.problem.stack.readings)

@@ -14,12 +14,14 @@ from typing import NamedTuple
 import numpy as np
 
 from tssgeom.arrays import Matrix, Vector, read_only
-from tssgeom.effects import AnyEffect
+from tssgeom.effects import AnyEffect, Setup, together
 from tssgeom.identify.drive_noise import sampled_drives
+from tssgeom.identify.marches import march_once
 from tssgeom.identify.readings import Reading
 from tssgeom.rig import Rig, Sensor
 from tssgeom.route.pieces import Arcs
-from tssgeom.tendon.bars.model import BARS, begin, carry_on, prepare
+from tssgeom.tendon.bars.contact_grid import edges
+from tssgeom.tendon.bars.model import BARS, begin, carry_on, model_of, setup_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -327,12 +329,17 @@ def run_channels(
 ) -> dict[str, Vector]:
     """Return what each channel of one run should have read, on its route and drive or on others."""
     given = reading.given if drive is None else {**reading.given, reading.drive: drive}
-    discretised = reading.route.arcs if arcs is None else arcs
-    model = prepare(given, discretised, rig, effects, drive=reading.drive, bars=bars)
-    return carry_on(model, begin(model), given)[0].channels
+    return _channels(reading, together(setup_of(rig), effects), bars, arcs or reading.route.arcs, given)
+
+
+def _channels(
+    reading: Reading, setup: Setup, bars: int, arcs: Arcs, given: Mapping[str, Vector]
+) -> dict[str, Vector]:
+    model = model_of(setup, arcs, reading.drive, edges(arcs, bars))
+    return carry_on(model, begin(model), given, march=march_once)[0].channels
 
 
 def simulated(stack: Stack, rig: Rig, effects: Iterable[AnyEffect] = (), *, bars: int = BARS) -> Vector:
     """Return what all readings should have been [rows]."""
-    chosen = tuple(effects)
-    return stack.flat([run_channels(reading, rig, chosen, bars=bars) for reading in stack.readings])
+    setup = together(setup_of(rig), effects)
+    return stack.flat([_channels(each, setup, bars, each.route.arcs, each.given) for each in stack.readings])

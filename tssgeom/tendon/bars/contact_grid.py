@@ -5,11 +5,12 @@ from step to step and the history of each bar stays with it. Source: docs/model.
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
 from tssgeom import core
-from tssgeom.arrays import Matrix, Vector
+from tssgeom.arrays import Matrix, Vector, read_only
 from tssgeom.effects.kinds import Setup
 from tssgeom.route.pieces import Arcs
 
@@ -50,14 +51,19 @@ def edges(arcs: Arcs, bars: int) -> Vector:
 
     Half of the bars go by length, half by angle, so that sharp bends get several.
     """
-    s = np.concatenate(([0.0], np.cumsum(arcs.length)))
-    phi = np.concatenate(([0.0], np.cumsum(arcs.angle)))
+    return _edges(arcs.length.tobytes(), arcs.angle.tobytes(), bars)
+
+
+@lru_cache(maxsize=64)  # fits ask for the same few routes again and again
+def _edges(length: bytes, angle: bytes, bars: int) -> Vector:
+    s = np.concatenate(([0.0], np.cumsum(np.frombuffer(length))))
+    phi = np.concatenate(([0.0], np.cumsum(np.frombuffer(angle))))
     s, phi = s / s[-1], phi / max(phi[-1], 1e-12)
     blend = (s + phi) / (s[-1] + phi[-1])
     cut = np.interp(np.linspace(0.0, 1.0, bars + 1) ** _GRADING, blend, s)
     cut[0], cut[-1] = 0.0, 1.0
     cut[1] *= _FIRST
-    return cut
+    return read_only(cut)
 
 
 def bends_of(setup: Setup) -> Matrix:

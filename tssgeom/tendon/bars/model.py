@@ -5,8 +5,9 @@ give the same digits. Source: docs/model.md (50)-(64).
 """
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 
@@ -24,6 +25,7 @@ from tssgeom.tendon.bars.sensors import Drive, Lags, sensed, true_drive, with_la
 
 BARS = 30
 """Bars of the tendon where nothing else is asked for."""
+March: TypeAlias = Callable[..., tuple[int, Vector, Matrix, Matrix]]
 _LEAST_COMPLIANCE = 1e-9  # strain per tension below which rounding would be more than stretch [1/N]
 
 
@@ -182,11 +184,12 @@ def carry_on(
     *,
     longest_step_s: float = math.inf,
     profile: bool = False,
+    march: March = core.march,
 ) -> tuple[RunTrace, RunState]:
     """Go through further samples of a run, one or many, and return what they read and where they end.
 
     The first sample of all is reached in one step as long as the one after it. Arguments as `predict`;
-    `profile` asks for the tension of every bar.
+    `profile` asks for the tension of every bar; `march` may keep what `core.march` returned.
 
     Raises
     ------
@@ -208,7 +211,7 @@ def carry_on(
     elapsed = state.memory.drive[HELD.time] + np.cumsum(spans)
     pulled, late = true_drive(model.setup, model.drive, given, elapsed, spans, state.lags)
     rows = len(time) if profile else 0
-    done, memory, out, tension = core.march(
+    done, memory, out, tension = march(
         len(model.edge),
         model.plant.block,
         state.memory.block,
