@@ -54,7 +54,7 @@ def edges(arcs: Arcs, bars: int) -> Vector:
     return _edges(arcs.length.tobytes(), arcs.angle.tobytes(), bars)
 
 
-@lru_cache(maxsize=64)  # fits ask for the same few routes again and again
+@lru_cache(maxsize=64)  # chosen: fits ask for the same few routes again and again
 def _edges(length: bytes, angle: bytes, bars: int) -> Vector:
     s = np.concatenate(([0.0], np.cumsum(np.frombuffer(length))))
     phi = np.concatenate(([0.0], np.cumsum(np.frombuffer(angle))))
