@@ -105,7 +105,7 @@ class End(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
     friction_Nm: float = 0.0
     """Coulomb friction of the joint itself, beside that of the tendons [N·m]."""
     play_rad: float = 0.0
-    """Play between the joint and what measures its angle [rad]."""
+    """Play between the joint and what measures its angle; a target is of what is measured [rad]."""
     tendon_angles_deg: tuple[float, ...] = ()
     """Of a segment: where its tendons lie round the backbone [deg]."""
     given: Literal["torque", "angle"] = "torque"

@@ -16,9 +16,10 @@ from tssgeom.tendon.machine_simulation import simulate_machine
 TIME = np.linspace(0.0, 10.0, 121)
 
 
-@pytest.mark.parametrize("width", [0.0, 0.03])
-def test_the_joint_goes_where_it_is_wanted(width):
-    hardware = changed(rig(), drive=Drive(kind="pair", radius_m=0.01, play_rad=width))
+@pytest.mark.parametrize(("width", "of_end"), [(0.0, 0.0), (0.03, 0.0), (0.0, 0.02), (0.03, 0.02)])
+def test_the_joint_goes_where_it_is_wanted(width, of_end):
+    drive = Drive(kind="pair", radius_m=0.01, play_rad=width)
+    hardware = changed(rig(), drive=drive, end=changed(rig().end, play_rad=of_end))
     machine, target = machine_of(hardware, [HALF_CIRCLE]), 0.4 * np.sin(TIME) * np.cos(TIME / 3)
     load = 0.01 * np.sin(TIME / 2)
     commands = command_machine(machine, TIME, target, load)

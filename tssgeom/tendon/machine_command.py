@@ -57,7 +57,7 @@ class NextAngle(NamedTuple):
     engaged: float
     """Its angle behind the play [rad]."""
     joint: float
-    """Angle that the joint gets to [rad]."""
+    """Angle of the joint that its sensor gets to, behind the play of the end [rad]."""
     reached: bool
     """Whether an angle of the motor reaches the target; limits and policy may keep the motor from it."""
     trace: MachineTrace
@@ -127,7 +127,9 @@ def command_machine(
         span = float(spans[k])
         wanted = float(target[k])
         now = next_angle(machine, at, span, float(resisting[k]), wanted, span if k else 0.0, may_wait)
-        at = at._replace(state=now.state, time=float(time[k]), motor=Turning(now.motor, 0.0, now.engaged))
+        motor = Turning(now.motor, 0.0, now.engaged)
+        joint = Turning(float(now.state.coordinate[0]), 0.0, now.joint)
+        at = at._replace(state=now.state, time=float(time[k]), motor=motor, joint=joint)
         done.append(now)
     return MachineCommands(
         np.array([one.motor for one in done]),
@@ -180,21 +182,39 @@ def next_angle(
     near = Memory(history.state.memory[0]).drive[HELD.drive] / arms[0] if before is None else before.engaged
     near = float(near)
     was = near if before is None else before.value
-    at = _Sample(machine, history.state, balance, arms, span, load, target)
+    end = _EndPlay(machine.rig.end.play_rad, history)
+    at = _Sample(machine, history.state, balance, arms, span, load, end.joint_for(target))
     angle, trace, state, reached = at.solved(near)
     if angle != near and may_wait is not None and at.is_dead(near, angle, was, width):
         joint, held, stays = at.with_motor_at(near)
-        if may_wait(abs(joint - target), was):
-            return NextAngle(was, near, joint, reached, held, stays, waits=True)
+        if may_wait(abs(end.read(joint) - target), was):
+            return NextAngle(was, near, end.read(joint), reached, held, stays, waits=True)
     motor = was if angle == near else angle - width * (angle < near)
-    if machine.rig.drive.limits == NO_LIMITS:
-        return NextAngle(motor, angle, float(trace.coordinate[0, 0]), reached, trace, state)
-    motor, limited = at.within_limits(motor, was, near, elapsed)
-    if not limited:
-        return NextAngle(motor, angle, float(trace.coordinate[0, 0]), reached, trace, state)
-    engaged = min(max(near, motor), motor + width)
-    joint, trace, state = at.with_motor_at(engaged)
-    return NextAngle(motor, engaged, joint, reached, trace, state, limited)
+    joint, limited = float(trace.coordinate[0, 0]), ""
+    if machine.rig.drive.limits != NO_LIMITS:
+        motor, limited = at.within_limits(motor, was, near, elapsed)
+    if limited:
+        angle = min(max(near, motor), motor + width)
+        joint, trace, state = at.with_motor_at(angle)
+    return NextAngle(motor, angle, end.read(joint), reached, trace, state, limited)
+
+
+class _EndPlay:
+    """The play between a joint and its sensor, of a width [rad], as a history left it; docs/model.md (59)."""
+
+    def __init__(self, width: float, history: MachineHistory) -> None:
+        self._width, self._joint = width, float(history.state.coordinate[0])
+        self._engaged = self._joint if history.joint is None else history.joint.engaged
+
+    def read(self, joint: float) -> float:
+        """Return what the sensor reads of a joint [rad]."""
+        return min(max(self._engaged, joint), joint + self._width)
+
+    def joint_for(self, target: float) -> float:
+        """Return where the joint has to be for a reading [rad]."""
+        if self._width > 0.0 and abs(target - self._engaged) <= COMMAND.close:
+            return self._joint
+        return target - self._width * (target < self._engaged)
 
 
 def _arms(machine: Machine) -> Vector:
