@@ -12,6 +12,7 @@ from tssgeom.errors import SettingsError, ShapeError
 from tssgeom.io.formats.files import find_inputs, open_recording
 from tssgeom.io.formats.laboratory.mapping import ColumnMap
 from tssgeom.io.formats.laboratory.names import meaning_of
+from tssgeom.io.formats.laboratory.table import laboratory_table
 from tssgeom.io.formats.runs import read_run
 from tssgeom.stream import Frame, Rejected
 
@@ -237,6 +238,22 @@ def test_german_compounds_are_read_as_their_parts(name, channel):
     meaning = meaning_of(name)
     assert meaning is not None
     assert meaning.channel == channel
+
+
+@pytest.mark.parametrize("unit", ["N mm", "N.mm", "N*mm", "N·mm", "Nmm", "mN m", "mN-m"])
+def test_a_unit_of_torque_may_have_a_space_or_a_dot(tmp_path, unit):
+    path = tmp_path / "run.csv"
+    path.write_text(f"Time (s),Motor torque ({unit})\n0,100\n1,200\n2,300\n3,400\n", encoding="utf-8")
+    np.testing.assert_allclose(laboratory_table(path).values["motor_torque_Nm"], [0.1, 0.2, 0.3, 0.4])
+    stated = ColumnMap([f"Motor torque ({unit})=motor_torque"])
+    np.testing.assert_allclose(laboratory_table(path, stated).values["motor_torque_Nm"], [0.1, 0.2, 0.3, 0.4])
+
+
+def test_a_unit_that_is_not_known_of_a_column_that_is_named_is_said(tmp_path):
+    path = tmp_path / "run.csv"
+    path.write_text("Time (s),Moment (furlong)\n0,1\n1,2\n2,3\n3,4\n", encoding="utf-8")
+    read = laboratory_table(path, ColumnMap(["Moment (furlong)=motor_torque"]))
+    assert any("'furlong' is no known unit, and Nm is assumed" in each for each in read.warnings)
 
 
 def test_many_unclear_columns_are_one_short_line_and_those_with_numbers_are_suggested_as_tendons(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -144,6 +145,11 @@ def _take_mapped(
             f"{path}: column {name!r} holds no numbers: {each.origin} cannot make it {each.channel}"
         )
     take(table, Column(k, name, Meaning(each.channel, unit, quantity)), result, path)
+    if each.unit is own is each.named is None and (stated := re.search(r"[\[(]\s*([^\])]+?)\s*[\])]", name)):
+        known = unit.symbol if unit else "1"
+        result.warnings.append(
+            f"{name}: {stated[1]!r} is no known unit, and {known} is assumed; {each.channel}:UNIT states one"
+        )
 
 
 def _take_rest(table: RawTable, columns: list[Column], result: Resolved) -> None:
