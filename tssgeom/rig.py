@@ -15,7 +15,7 @@ from tssgeom.effects import AnyEffect, wrong_effect
 from tssgeom.errors import SettingsError, printable, require, require_at_least_zero, require_file
 from tssgeom.mechanism import Drive, End
 from tssgeom.toml_keys import with_short_keys, without_none
-from tssgeom.uncertain import Follow, Uncertain, parted, path_of, require_known
+from tssgeom.uncertain import Follow, Uncertain, parted, path_of, require_known, with_choices
 
 Source = Literal["markers", "em", "fbg", "centreline", "smoothed"]
 """Where the points of a route come from; docs/model.md (164)."""
@@ -298,7 +298,7 @@ def read_uncertain_rig(path: str | Path) -> tuple[Rig, tuple[Uncertain, ...]]:
     except (msgspec.DecodeError, ValueError, RecursionError) as error:
         if isinstance(error, SettingsError):
             raise SettingsError(f"{path}: {error}") from error
-        reported = wrong_effect(tables) if "$.effects" in str(error) else str(error)
+        reported = wrong_effect(tables) if "$.effects" in str(error) else with_choices(str(error), Rig())
         raise SettingsError(f"{path}: {reported}: mend the rig file (docs/formats.md, Rig)") from error
 
 

@@ -5,12 +5,14 @@ Source: docs/model.md (179), (200).
 
 from __future__ import annotations
 
+import difflib
+import functools
 import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, get_args
 
 import msgspec
 
@@ -149,8 +151,10 @@ def _of_unknown(key: str, tables: dict[str, Any]) -> Prior:
             return Prior(parameter.centre + parameter.typical, parameter.prior_sd, log=False)
     name = f"sensors.{key.rpartition('.')[2]}" if key.startswith("sensors.") else key
     if name not in UNKNOWNS:
+        near = difflib.get_close_matches(name, UNKNOWNS, 1)
         known = ", ".join((*UNKNOWNS, "parameters of effects"))
-        raise SettingsError(f"{key} cannot be unknown: give a number; {known} can be")
+        hint = f"did you mean {near[0]}?" if near else f"give a number; {known} can be"
+        raise SettingsError(f"{key} cannot be unknown: {hint}")
     gear = tables.get("drive", {}).get("gear", 1.0)
     return behind_gear(name, float(gear) if isinstance(gear, int | float) and gear > 0.0 else 1.0)
 
@@ -160,3 +164,23 @@ def require_known(path: str | Path, uncertain: Sequence[Uncertain]) -> None:
     unknown = ", ".join(each.key for each in uncertain if not each.stated)
     if unknown:
         raise SettingsError(f"{path}: {unknown} is unknown: give a value, or find it with tssgeom calibrate")
+
+
+def with_choices(reported: str, like: msgspec.Struct) -> str:
+    """Return what msgspec reports of a file, and the nearest key or value of a struct of its form."""
+    wrong = r"(?:Object contains unknown field `(\w+)`|Invalid enum value '(.*)')(?:.*`\$\.?(.*)`)?"
+    match = re.match(wrong, reported)
+    if match is None:
+        return reported
+    steps = [each for each in (match[3] or "").split(".") if each]
+    last = steps.pop() if match[2] else ""
+    try:
+        types = {
+            each.name: each.type for each in msgspec.structs.fields(functools.reduce(getattr, steps, like))
+        }
+        choices = list(map(str, get_args(types[last]) if match[2] else types))
+    except (AttributeError, KeyError, TypeError):  # in a list, or in a table of the user's own names
+        return reported
+    near = difflib.get_close_matches(match[1] or match[2], choices, 1)
+    hint = f"did you mean {near[0]}?" if near else f"there are {', '.join(choices)}"
+    return f"{reported}; {hint}"

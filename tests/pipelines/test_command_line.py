@@ -118,11 +118,28 @@ def test_wrong_usage_is_one_line_and_status_2(run, arguments, expected):
     assert expected in outcome.errors[0]
 
 
-def test_a_rig_with_an_unknown_key_is_refused_with_its_path(run, half, tmp_path):
-    (tmp_path / "rig.toml").write_text("[tendon]\nstiffness = 3\n")
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        (
+            "[tendon]\nstiffness = 3",
+            "unknown field `stiffness` - at `$.tendon`; there are compliance_per_N, ",
+        ),
+        ("[end]\nradius_mm = 8", "at `$.end`; did you mean radius_m?"),
+        ("[frction]\ncoefficient = 0.1", "did you mean friction?"),
+        ('[drive]\nkind = "pairs"', "at `$.drive.kind`; did you mean pair?"),
+        ('[friction]\ncoeficient = "unknown"', "did you mean friction.coefficient?"),
+        ("[sensors.tension_in_N]\nnoize = 1", "unknown field `noize`"),
+    ],
+)
+def test_a_rig_with_an_unknown_key_is_refused_with_its_path_and_the_nearest_one(
+    run, half, tmp_path, text, expected
+):
+    (tmp_path / "rig.toml").write_text(text)
     outcome = run("analyse", half, "--rig", tmp_path / "rig.toml")
     assert outcome.status == 2
-    assert "unknown field `stiffness` - at `$.tendon`" in outcome.errors[0]
+    assert "rig.toml" in outcome.errors[0]
+    assert expected in outcome.errors[0]
 
 
 def test_an_empty_folder_is_refused(run, tmp_path):
