@@ -20,7 +20,7 @@ from tssgeom.identify.machine_problem import FitState, Problem
 from tssgeom.identify.machine_run import MachineRun
 from tssgeom.result import Result
 from tssgeom.rig import Rig, with_values
-from tssgeom.statistics import NORMAL_95, reading_noise, root_mean_square
+from tssgeom.statistics import NORMAL_95, root_mean_square
 from tssgeom.tendon.machine import routed
 
 
@@ -183,7 +183,7 @@ def _channel_fits(problem: Problem, state: FitState) -> Iterator[ChannelFit]:
             root_mean_square(left),
             len(at),
             len(at) / float(inflation),
-            reading_noise(values),
+            problem.runs[k].noise[name],
             float(np.ptp(values)),
             whiteness(left),
         )

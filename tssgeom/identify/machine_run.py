@@ -56,6 +56,8 @@ class MachineRun:
     tendons: int
     inputs: NoisyInputs
     """What acts and is noisy."""
+    noise: Mapping[str, float]
+    """Standard deviation of one reading of each channel that answers, by all its readings."""
     legs: Legs | None = None
     """The one channel that drives, a tension or a position beside a force, whose turns have levels of their
     own; (70), (71), (276)."""
@@ -147,12 +149,18 @@ def machine_run(
         for each in columns
         if each not in (*given_names, *answers, "temperature_C", "motor_current_A")
     )
+    noise = {each: _noise_of(columns[each], columns["time_s"]) for each in answers}
     run = MachineRun(
-        *(name, given, answers, held_out, tuple(routes), drive, end_given, count, noisy),
+        *(name, given, answers, held_out, tuple(routes), drive, end_given, count, noisy, noise),
         notes=(*notes, *signs),
     )
     run = with_drive_known(run, rig.drive.lag_s)
     return _with_turns_between(run, *pulls.values()) if len(pulls) == 1 else run
+
+
+def _noise_of(readings: Vector, time: Vector) -> float:
+    there = np.isfinite(readings) & np.isfinite(time)
+    return reading_noise(readings[there], time[there])
 
 
 def _position_beside_force(
