@@ -119,10 +119,10 @@ def unit_of(text: str) -> Unit | None:
     """Return the unit of a symbol, None where it is none; the case counts where it has to (mN, MN)."""
     symbol = plain(text).strip("[](){}<> ").rstrip(".")
     symbol = re.sub(r"\s*\*\*\s*", "^", symbol)
-    found = UNITS.get(symbol) or (_ANY_CASE.get(symbol.lower()) if symbol != "MN" else None)
-    if found is None and (product := UNITS.get(re.sub(r"[\s.*·⋅-]+", "", symbol))) is not None:
+    unit = UNITS.get(symbol) or (_ANY_CASE.get(symbol.lower()) if symbol != "MN" else None)
+    if unit is None and (product := UNITS.get(re.sub(r"[\s.*·⋅-]+", "", symbol))) is not None:
         return product if product.quantity == TORQUE else None  # N mm, N.mm, mN-m; m s is no ms
-    return found
+    return unit
 
 
 def scaled_unit(text: str) -> Unit | None:
