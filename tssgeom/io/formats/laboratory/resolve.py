@@ -145,7 +145,8 @@ def _take_mapped(
             f"{path}: column {name!r} holds no numbers: {each.origin} cannot make it {each.channel}"
         )
     take(table, Column(k, name, Meaning(each.channel, unit, quantity)), result, path)
-    if each.unit is own is each.named is None and (stated := re.search(r"[\[(]\s*([^\])]+?)\s*[\])]", name)):
+    stated = re.search(r"[\[(]\s*([^\])]+?)\s*[\])]", name)
+    if stated is not None and not (each.unit or own or each.named):
         known = unit.symbol if unit else "1"
         result.warnings.append(
             f"{name}: {stated[1]!r} is no known unit, and {known} is assumed; {each.channel}:UNIT states one"
