@@ -125,7 +125,7 @@ class Members(ABC):
 
     @property
     def values(self) -> Vector:
-        """[d] The numbers as they are now."""
+        """[d] Mean of the numbers of the members."""
         return self.members.sum(axis=0) / len(self.members)
 
     def estimate(self, values: Vector, covariance: Matrix) -> tuple[Vector, Matrix]:
