@@ -13,7 +13,7 @@ import numpy as np
 
 from tssgeom import core
 from tssgeom.adapt.ensemble import Ensemble
-from tssgeom.adapt.followed import FollowedNumber
+from tssgeom.adapt.followed import FollowedNumber, with_numbers
 from tssgeom.adapt.machine_laws import laws_of, without_zeros
 from tssgeom.adapt.machine_lines import MachineNumbers, machine_lines
 from tssgeom.adapt.machine_readings import MachineReadings, Moved, SensorState, channels_read, true_channels
@@ -86,7 +86,8 @@ class MachineFilter(Ensemble):
         """Return the motor as it is now, whose members stand behind the play at [rad]; None without one."""
         if self.drive != "motor_angle_rad" or math.isnan(engaged):
             return None
-        sensor = self.rig_now().sensors[self.drive]
+        known = dict(zip(self.keys, self.values.tolist(), strict=True))  # by which the members stand there
+        sensor = with_numbers(self.rig, known).sensors[self.drive]
         true = (self.trackers[self.drive].position - sensor.zero) / sensor.gain
         return Turning(true, float(self.trackers[self.drive].way), engaged)
 

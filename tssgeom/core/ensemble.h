@@ -48,10 +48,10 @@ product with the numbers, about the values and in the standard deviations of `la
 ENTRY void tss_known_numbers(
     int64_t d, const double values[d], const double covariance[d][d], const double last[d][4],
     const double beyond[d][d + 1], OUT double known[d], OUT double spread[d][d],
-    WORK double work[7 * d * d + 2 * d]);
+    WORK double work[5 * d * d + 2 * d]);
 
 /** Return `beyond` of `known_numbers`, from what is known and the members' values and covariance after a drift. */
 ENTRY void tss_known_beyond(
     int64_t d, const double values[d], const double covariance[d][d], const double known[d],
     const double spread[d][d], const double last[d][4], OUT double beyond[d][d + 1],
-    WORK double work[7 * d * d + 2 * d]);
+    WORK double work[5 * d * d + 2 * d]);

@@ -89,7 +89,7 @@ static double unit_of(const double last[KEPT]) {
 
 void tss_known_numbers(
     int64_t d, const double values[d], const double covariance[d][d], const double last[d][4],
-    const double beyond[d][d + 1], double known[d], double spread[d][d], double work[7 * d * d + 2 * d]) {
+    const double beyond[d][d + 1], double known[d], double spread[d][d], double work[5 * d * d + 2 * d]) {
     Work w = {work};
     double *information = take(&w, d * d), *pull = take(&w, d);
     memcpy(known, values, (size_t)d * sizeof *known);
@@ -111,7 +111,7 @@ void tss_known_numbers(
 void tss_known_beyond(
     int64_t d, const double values[d], const double covariance[d][d], const double known[d],
     const double spread[d][d], const double last[d][4], double beyond[d][d + 1],
-    double work[7 * d * d + 2 * d]) {
+    double work[5 * d * d + 2 * d]) {
     Work w = {work};
     double *information = take(&w, d * d), *of_members = take(&w, d * d);
     invert(d, spread[0], information, w), invert(d, covariance[0], of_members, w);

@@ -167,12 +167,14 @@ def play(values: Vector, width: float, engaged: float | None = None) -> Vector:
         return values
     passed, at = list[float](), float(values[0]) if engaged is None else engaged
     for value in values.tolist():
-        if at < value:
-            at = value
-        elif at > value + width:
-            at = value + width
+        at = behind_play(at, value, width)
         passed.append(at)
     return np.array(passed)
+
+
+def behind_play(engaged: float, value: float, width: float) -> float:
+    """Return where what was `engaged` stands once the motion is at a value; (59)."""
+    return min(max(engaged, value), value + width)
 
 
 def routed(arcs: Arcs, rig: Rig) -> Arcs:

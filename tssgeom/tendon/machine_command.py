@@ -24,6 +24,7 @@ from tssgeom.tendon.machine import (
     MachineTrace,
     Start,
     begin,
+    behind_play,
     carry_on,
     held_tensions,
 )
@@ -194,7 +195,7 @@ def next_angle(
     if machine.rig.drive.limits != NO_LIMITS:
         motor, limited = at.within_limits(motor, was, near, elapsed)
     if limited:
-        angle = min(max(near, motor), motor + width)
+        angle = behind_play(near, motor, width)
         joint, trace, state = at.with_motor_at(angle)
     return NextAngle(motor, angle, end.read(joint), reached, trace, state, limited)
 
@@ -208,7 +209,7 @@ class _EndPlay:
 
     def read(self, joint: float) -> float:
         """Return what the sensor reads of a joint [rad]."""
-        return min(max(self._engaged, joint), joint + self._width)
+        return behind_play(self._engaged, joint, self._width)
 
     def joint_for(self, target: float) -> float:
         """Return where the joint has to be for a reading [rad]."""
@@ -269,7 +270,7 @@ class _Sample:
         width = self.machine.rig.drive.play_rad
 
         def pull(angle: float) -> float:
-            trace = self.at(min(max(near, angle), angle + width))[1]
+            trace = self.at(behind_play(near, angle, width))[1]
             return math.inf if trace is None else float(trace.ends[0, :, 0].max())
 
         if pull(motor) <= most * (1.0 + ROUNDING.relative):
