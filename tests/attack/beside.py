@@ -1,7 +1,8 @@
 """A good sender at 100 Hz beside frames that are hard to fit, `python -m tests.attack.beside [--long]`.
 
 It has a process of its own, and so have the frames beside it. What it gets is judged where it and the stream
-have a priority of real time, as by `chrt -r 5`; else it is printed.
+have a priority of real time, as by `chrt -r 5`; else it is printed. The time to an answer is judged by its
+goal or, on a machine that is slow or busy, by what the same sender got alone just before.
 """
 
 from __future__ import annotations
@@ -23,7 +24,8 @@ from tests.live_process import SWAY_PERIOD, arriving, line, live, points_mm, ret
 
 _PERIOD = 0.01  # s between good frames; the goal of the stream
 _LEAST_SHARE, _P99 = 0.99, 5e-3  # share of good frames, and time to an answer [s]; goals of the stream
-_BEFORE, _FRAMES = 100, 600  # good frames before and beside the hard ones; chosen
+_SLOWER = 3.0  # most by which hard frames may lengthen that time; chosen: starved, it is 20 and more
+_FIRST, _ALONE, _FRAMES = 100, 600, 600  # good frames of the first fit, alone, and beside hard ones; chosen
 _PAUSE = 0.05  # s between two hard frames; chosen: more than can be fitted
 
 _ENDS = ("--source", "tcp://127.0.0.1:0", "--sink", "tcp://127.0.0.1:0")
@@ -41,15 +43,15 @@ def good(source: int, sink: int, times: multiprocessing.SimpleQueue, begun: thre
         out.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         threading.Thread(target=_read, args=(back, answers), daemon=True).start()
         first = time.monotonic()
-        for k in range(_BEFORE + _FRAMES):
+        for k in range(count := _FIRST + _ALONE + _FRAMES):
             time.sleep(max(first + _PERIOD * k - time.monotonic(), 0.0))
-            if k == _BEFORE:
+            if k == _FIRST + _ALONE:
                 begun.set()
             sent[k] = time.monotonic()
             text = retimed(texts[k % len(texts)], 1000.0 + _PERIOD * k)
             out.sendall(text[:-2] + b',"id":"good %d"}\n' % k)
         time.sleep(1.0)
-        times.put([answers.get(k, np.nan) - sent[k] for k in range(_BEFORE, _BEFORE + _FRAMES)])
+        times.put([answers.get(k, np.nan) - sent[k] for k in range(_FIRST, count)])
 
 
 def _read(back: socket.socket, answers: dict[int, float]) -> None:
@@ -89,10 +91,15 @@ def trial(name: str, texts: list[bytes], *, again: bool) -> bool:
         other.kill()
         for process in (sender, other):
             process.join()
-    share, high = float(np.mean(~np.isnan(took))), float(np.nanquantile(took, 0.99))
+    alone, beside = took[:_ALONE], took[_ALONE:]
+    share, least, high = float(np.mean(~np.isnan(beside))), _p99(alone), _p99(beside)
     of = f"{name}, {'new ports' if again else 'one port'}"
-    print(f"{of}: {share:.1%} answered, p99 {1e3 * high:.1f} ms", flush=True)  # noqa: T201
-    return share >= _LEAST_SHARE and high <= _P99
+    print(f"{of}: {share:.1%} answered, p99 {1e3 * high:.1f} ms, alone {1e3 * least:.1f} ms", flush=True)  # noqa: T201
+    return share >= _LEAST_SHARE and high <= max(_P99, _SLOWER * least)
+
+
+def _p99(times: np.ndarray) -> float:
+    return float(np.nanquantile(times, 0.99))
 
 
 def main() -> int:
