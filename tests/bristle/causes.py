@@ -268,7 +268,7 @@ CAUSES: dict[str, Cause] = {
     "two_time_creep": Cause("strain_over_time", _two_time_creep, rates=_SLOW),
     "load_play": Cause("play_at_load", _load_play, plans=LOAD_MOVE),
     "drive_play": Cause("play_at_drive", _drive_play, "backlash", plans=POSITION),
-    "presliding": Cause("presliding", _presliding),
+    "presliding": Cause("presliding", _presliding, "presliding"),
     "curved_tension_in": Cause("sensor_curve", _curved("tension_in", 2)),
     "curved_tension_out": Cause("sensor_curve", _curved("tension_out", 3), plans=LOAD_CELL),
     "drifting_tension_out": Cause(

@@ -144,7 +144,10 @@ def random_chain(rng):
     )
     shift = rng.normal() * 1e-3 if rigid_in else 0.0
     cone = np.exp(-angle), np.exp(rng.uniform(0.5, 1.5) * angle), force, drag
-    return Chain(trial, stiffness, *cone, bool(rigid_in), bool(rigid_out), shift)
+    gives = np.full(contacts, rng.random() < 0.4)
+    bristle = np.where(gives, rng.uniform(1e2, 1e5, contacts), np.inf)
+    kept = np.where(gives, rng.normal(0.0, 0.5, contacts), 0.0)
+    return Chain(trial, stiffness, *cone, bristle, kept, bool(rigid_in), bool(rigid_out), shift)
 
 
 def test_the_equilibrium_is_that_of_the_twin():
@@ -157,7 +160,7 @@ def test_the_equilibrium_is_that_of_the_twin():
         w, tension, slip, solves, residual = equilibrium(chain, hanging, before, patience)
         ends = chain.rigid_in, chain.rigid_out, chain.shift, hanging
         count, here, contacts, left = core.equilibrium(
-            chain.trial, chain.stiffness, np.array(chain[2:6]), *ends, before.astype(float), *patience
+            chain.trial, chain.stiffness, np.array(chain[2:8]), *ends, before.astype(float), *patience
         )
         if residual > 1e-9:
             continue

@@ -44,6 +44,7 @@ def test_only_what_moves_the_tendon_by_itself_or_by_its_speed_takes_the_long_way
     assert set(KINDS) - set(SWIFT) == {
         "velocity_dependent_friction",
         "viscous_drag",
+        "presliding",
         "creep",
         "thermal_drift",
     }

@@ -39,7 +39,7 @@ def random_chain(rng, bars):
     trial = rng.uniform(4.0, 12.0, bars + 2)
     force = rng.uniform(0.0, 0.2, bars + 1)
     none = np.zeros(bars + 1)
-    return trial, stiffness, np.array([np.exp(-angle), np.exp(1.3 * angle), force, none])
+    return trial, stiffness, np.array([np.exp(-angle), np.exp(1.3 * angle), force, none, none + np.inf, none])
 
 
 @pytest.mark.parametrize("patience", [(6, 10), (0, 10), (0, 0)])

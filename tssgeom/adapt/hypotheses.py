@@ -211,6 +211,8 @@ def hypotheses(sound: RigFilter, moments: Sequence[Moment], since: float) -> Ite
 def turned(moments: Sequence[Moment], since: float) -> bool:
     """Whether the sensed angle jumped before or when the disagreement began."""
     near = [one for one in moments if one.time < since + TRIED.turn]
+    if not near:  # it began before the first moment that is kept
+        return False
     times = np.array([one.time for one in near])
     angles = np.array([one.arcs.total_angle for one in near])
     later = np.minimum(np.searchsorted(times, times + TRIED.turn), len(times) - 1)

@@ -82,13 +82,17 @@ class PlantNumbers(NamedTuple):
     """Of the third [s]."""
     speed_memory: int = 17
     """Time in which friction follows the speed [s]."""
-    curved: int = 18
+    presliding: int = 18
+    """Movement of a contact before it slides [m]."""
+    presliding_reference: int = 19
+    """Tension at which it is that [N]."""
+    curved: int = 20
     """Stretch is no straight line over tension."""
-    by_rate: int = 19
+    by_rate: int = 21
     """Friction depends on the speed of sliding."""
-    varied: int = 20
+    varied: int = 22
     """The cone depends on tension, travel or speed."""
-    swift: int = 21
+    swift: int = 23
     """Nothing but the drive moves the tendon: one sweep gives the answer."""
 
 

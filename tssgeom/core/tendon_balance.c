@@ -7,9 +7,9 @@
 #include <string.h>
 
 size_t memory_bytes(int64_t k) { return (size_t)(9 * (k + 1) + 7) * sizeof(double); }
-size_t plant_bytes(int64_t k) { return (size_t)(16 * (k + 1) + 429) * sizeof(double); }
+size_t plant_bytes(int64_t k) { return (size_t)(16 * (k + 1) + 431) * sizeof(double); }
 
-const double *tables_of(int64_t k, const double *plant) { return plant + 16 * (k + 1) + 22; }
+const double *tables_of(int64_t k, const double *plant) { return plant + 16 * (k + 1) + 24; }
 
 /* Whether a law falls anywhere. */
 static int falls(const double *table) {
@@ -41,7 +41,8 @@ bar_laws laws_of(int64_t k, const double *plant) {
     laws.load_exponent = number[PLANT.load_exponent], laws.load_reference = number[PLANT.load_reference];
     laws.wear_gain = number[PLANT.wear_gain], laws.wear_travel = number[PLANT.wear_travel];
     laws.speed_gain = number[PLANT.speed_gain], laws.speed_reference = number[PLANT.speed_reference];
-    laws.speed_memory = number[PLANT.speed_memory];
+    laws.speed_memory = number[PLANT.speed_memory], laws.presliding = number[PLANT.presliding];
+    laws.presliding_reference = number[PLANT.presliding_reference];
     laws.curved = number[PLANT.curved] != 0.0, laws.by_rate = number[PLANT.by_rate] != 0.0;
     laws.varied = number[PLANT.varied] != 0.0, laws.swift = number[PLANT.swift] != 0.0;
     laws.loaded = laws.load_exponent != 0.0 || table_of(laws.tables, CURVE.load);
@@ -67,6 +68,7 @@ step_room room_of(int64_t k, double *work) {
     int64_t b = k + 1;
     bar_chain c = {.k = k, .trial = work, .stiffness = work + b, .low = work + 2 * b, .high = work + 3 * b};
     c.force = work + 4 * b, c.drag = work + 5 * b, c.tension = work + 6 * b, c.w = work + 7 * b;
+    c.bristle = work + 16 * b, c.kept = work + 17 * b;
     c.ratios = work + 8 * b, c.slip = (int8_t *)(work + 9 * b), c.tight = (int8_t *)(work + 10 * b);
     return (step_room){c, work + 11 * b, work + 12 * b, work + 13 * b, work + 14 * b, work + 15 * b};
 }
@@ -78,6 +80,17 @@ void begin_room(const bar_laws *laws, step_room *room) {
     memcpy(room->chain.low, laws->low, size);
     memcpy(room->chain.high, laws->high, size);
     memcpy(room->chain.force, laws->force, size);
+    for (int64_t i = 0; i < laws->k; i++) room->chain.bristle[i] = INFINITY, room->chain.kept[i] = 0.0;
+}
+
+/* How contacts give way before they slide: as stiff as makes them slide where it is said, at what friction they
+   have from the step before; docs/model.md (279). */
+static void set_bristles(const bar_laws *laws, const bar_memory *memory, const bar_chain *c) {
+    for (int64_t i = 0; i < laws->k; i++) {
+        double exponent = 0.5 * (laws->pulling[i] + laws->releasing[i]) + laws->fitting[i];
+        double limit = exponent * laws->presliding_reference + laws->force[i];
+        c->bristle[i] = limit / laws->presliding, c->kept[i] = memory->tension[i] - memory->tension[i + 1];
+    }
 }
 
 const double *table_of(const double *tables, int64_t which) {
@@ -289,6 +302,7 @@ double balance(
         double factor = wear_factor(laws, memory->travel[i]);
         room->pulling[i] = laws->pulling[i] * factor, room->releasing[i] = laws->releasing[i] * factor;
     }
+    if (laws->presliding > 0.0) set_bristles(laws, memory, c);
     double change = INFINITY, residual = INFINITY, accepted = SOLVER.accepted;
     *solves = 0;
     for (int64_t done = 0; done < (one_pass ? 1 : SOLVER.passes); done++) {

@@ -74,7 +74,7 @@ static int64_t advance(
     int64_t k = laws->k, n = k - 1;
     bar_memory old = memory_of(k, (double *)before), memory = memory_of(k, after);
     step_room room = room_of(k, work);
-    double *given = work + 16 * (k + 1); /* not the room's own, which the balance sets from it */
+    double *given = work + 18 * (k + 1); /* not the room's own, which the balance sets from it */
     double target = by_force ? drive : drive - position, weight = old.tension[n + 1];
     if (by_force && laws->load == 0.0) { /* docs/model.md (47) */
         double rounding = ROUNDING.relative;
@@ -117,7 +117,7 @@ static int64_t no_step(int64_t k, const double *before, double *after, double en
 }
 
 int64_t tss_step_laws(
-    int64_t k, const double memory[9 * (k + 1) + 7], const double plant[16 * (k + 1) + 429],
+    int64_t k, const double memory[9 * (k + 1) + 7], const double plant[16 * (k + 1) + 431],
     const double growth[k + 1], double drive, int64_t by_force, double position,
     double after[9 * (k + 1) + 7], double ends[9], double work[20][k + 1]) {
     if (k < 2) return no_step(k, memory, after, ends, NO_EQUILIBRIUM);
@@ -133,7 +133,7 @@ int64_t tss_step_bars(
     const double now_covariance[2 * q][2 * q], int64_t compare, double friction, double compliance,
     double pretension, double stiffness, double lift, double most_friction, double length_before,
     double drive, int64_t by_force, double position, double after[9 * (k + 1) + 7], double ends[9],
-    double plant[16 * (k + 1) + 429],
+    double plant[16 * (k + 1) + 431],
     double work[48][k + 1]) {
     no_step(k, memory, after, ends, NO_EQUILIBRIUM);
     if (k < 2 || p == 0 || q == 0) return NO_EQUILIBRIUM;

@@ -20,6 +20,7 @@ typedef struct {
     const double *tables; /* of CURVE */
     double pretension, load, saved_scale, clearance, creep_time[CREEPS], load_exponent, load_reference;
     double wear_gain, wear_travel, speed_gain, speed_reference, speed_memory, backlash;
+    double presliding, presliding_reference; /* movement before a contact slides [m], at a tension of [N] */
     double now; /* factor of all friction in this step, by time and position [1] */
     int curved, by_rate, varied, swift;
     int loaded, by_speed, worn; /* whether friction depends on tension; on speed; on what was before */
@@ -41,6 +42,8 @@ typedef struct {
     double *high; /* [k] greatest T[i+1] over T[i], but for the force of friction [1] */
     double *force; /* [k] T[i+1] lies between low·T[i] − force and high·T[i] + force [N] */
     double *drag; /* [k] friction for each metre moved in this step [N/m] */
+    double *bristle; /* [k] friction for each metre that a contact gives before it slides; INFINITY: none [N/m] */
+    double *kept; /* [k] friction before the step, of a contact that gives [N] */
     int rigid_in; /* whether the proximal end moves by exactly `shift` */
     int rigid_out; /* whether the distal end is fixed */
     double shift; /* [m] */

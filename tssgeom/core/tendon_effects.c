@@ -62,8 +62,8 @@ void put_on_route(
 }
 
 void tss_plant_on_route(
-    int64_t k, const double edge[k], const double plant[16 * (k + 1) + 429], int64_t p, const double length[p],
-    const double angle[p], int64_t m, const double bends[m][3], double after[16 * (k + 1) + 429],
+    int64_t k, const double edge[k], const double plant[16 * (k + 1) + 431], int64_t p, const double length[p],
+    const double angle[p], int64_t m, const double bends[m][3], double after[16 * (k + 1) + 431],
     double pieces[5][p + 2 * m], double work[4][k]) {
     memcpy(after, plant, plant_bytes(k));
     if (k > 1 && p > 0) put_on_route(k, edge, after, p, length, angle, m, bends, pieces[0], work[0]);
@@ -71,7 +71,7 @@ void tss_plant_on_route(
 
 /* Proximal tension from which on a slow motion reaches the load; docs/model.md (122). */
 double tss_answering(
-    int64_t k, const double plant[16 * (k + 1) + 429], const double memory[9 * (k + 1) + 7],
+    int64_t k, const double plant[16 * (k + 1) + 431], const double memory[9 * (k + 1) + 7],
     double tension_out, int64_t way) {
     bar_laws laws = laws_of(k, plant);
     bar_memory kept = memory_of(k, (double *)memory);
@@ -108,7 +108,7 @@ static double used_share(const bar_laws *laws, const bar_memory *memory, int64_t
 }
 
 void tss_transmit_with_effects(
-    int64_t k, const double edge[k], const double plant[16 * (k + 1) + 429],
+    int64_t k, const double edge[k], const double plant[16 * (k + 1) + 431],
     const double memory[9 * (k + 1) + 7], int64_t p, const double length[p], const double angle[p],
     const double covariance[2 * p][2 * p], int64_t way, int64_t front, double ends[5], double gradient[3][p],
     double work[4][k]) {

@@ -34,19 +34,19 @@ static void read_sensors(const double ends[4], const double sensor[5], double re
 }
 
 int64_t tss_step_ensemble(
-    int64_t w, int64_t n, int64_t k, const double edge[k], int64_t d, const double plant[16 * (k + 1) + 429],
-    const double slope[d][16 * (k + 1) + 429], const double sensors[5], const double sensor_slope[d][5],
+    int64_t w, int64_t n, int64_t k, const double edge[k], int64_t d, const double plant[16 * (k + 1) + 431],
+    const double slope[d][16 * (k + 1) + 431], const double sensors[5], const double sensor_slope[d][5],
     const double shift[w][d], const double memory[w][9 * (k + 1) + 7], const int64_t row[n], int64_t p,
     const double length[p], const double angle[p], const double gain[w], int64_t m, const double bends[m][3],
     int64_t moved, int64_t by_force, int64_t was_by_force, const double position[w], const double drive[n],
     double span, double warmth, double after[n][9 * (k + 1) + 7], double ends[n][4], double read[n][3],
-    double own[16 * (k + 1) + 429], double pieces[6][p + 2 * m], double work[24][k + 1]) {
+    double own[16 * (k + 1) + 431], double pieces[6][p + 2 * m], double work[24][k + 1]) {
     if (k < 2 || p == 0) return 0;
     for (int64_t j = 0; j < n; j++) {
         int64_t of = row[j];
         if (of < 0 || of >= w) return j;
         double recorded[6], sensor[5];
-        set_plant(k, d, plant, slope[0], 16 * (k + 1) + 429, shift[of], own);
+        set_plant(k, d, plant, slope[0], 16 * (k + 1) + 431, shift[of], own);
         memcpy(after[j], memory[of], memory_bytes(k));
         if (moved) {
             for (int64_t i = 0; i < p; i++) pieces[5][i] = angle[i] * gain[of];

@@ -2,9 +2,12 @@
 
    The tendon is a chain of elastic bars between contacts. A contact with movement w > 0 slides towards the
    proximal end and is on the lower side of its friction cone, one with w < 0 on the upper side; inside it
-   sticks. Policy iteration on a tridiagonal M-matrix determines which contacts slide; docs/model.md
-   (40)-(46). */
+   sticks, or gives way like a spring. Policy iteration on a tridiagonal M-matrix determines which contacts
+   slide; docs/model.md (40)-(46), (279). */
 #include "tendon_bars.h"
+
+/* Whether a contact gives way before it slides. */
+static inline int gives(const bar_chain *c, int64_t i) { return c->bristle[i] < INFINITY; }
 
 /* Solve the bar laws with every contact doing what `slip` says, for the movements w [m]. */
 static void solve(const bar_chain *c) {
@@ -13,13 +16,15 @@ static void solve(const bar_chain *c) {
         double before = 0.0, here = 1.0, behind = 0.0, right = 0.0;
         if (i == 0 && c->rigid_in && c->tight[0]) {
             right = c->shift;
-        } else if (c->slip[i] != STUCK && !(i == k - 1 && c->rigid_out)) {
-            double side = c->slip[i] == PULLED ? c->low[i] : c->high[i];
+        } else if ((c->slip[i] != STUCK || gives(c, i)) && !(i == k - 1 && c->rigid_out)) {
+            int slides = c->slip[i] != STUCK; /* else it gives way; docs/model.md (279) */
+            double side = !slides ? 1.0 : c->slip[i] == PULLED ? c->low[i] : c->high[i];
+            double drag = slides ? c->drag[i] : c->bristle[i];
             double near = c->tight[i] ? side * c->stiffness[i] : 0.0;
             double far = c->tight[i + 1] ? c->stiffness[i + 1] : 0.0;
-            if (near + far + c->drag[i] > 0.0) {
-                before = -near, here = near + far + c->drag[i], behind = -far; /* docs/model.md (43) */
-                right = -c->slip[i] * c->force[i];
+            if (near + far + drag > 0.0) {
+                before = -near, here = near + far + drag, behind = -far; /* docs/model.md (43) */
+                right = slides ? -c->slip[i] * c->force[i] : -c->kept[i];
                 if (c->tight[i]) right += side * c->trial[i];
                 if (c->tight[i + 1]) right -= c->trial[i + 1];
             }
@@ -38,6 +43,11 @@ static inline double linear(const bar_chain *c, int64_t j) {
     return c->trial[j] + c->stiffness[j] * (near - far);
 }
 
+/* Tension before a contact that gives way, from that behind it [N]; docs/model.md (279). */
+static inline double given_way(const bar_chain *c, int64_t i) {
+    return c->tension[i + 1] + c->kept[i] + c->bristle[i] * c->w[i];
+}
+
 /* Set the tension of every bar from the movements, zero where it is slack; docs/model.md (40), (45). */
 static void set_tensions(const bar_chain *c) {
     int64_t last_contact = c->k - 1;
@@ -46,12 +56,15 @@ static void set_tensions(const bar_chain *c) {
     if (c->rigid_in) { /* docs/model.md (45) */
         double upper = (tension[1] + c->force[0] + c->drag[0] * c->w[0]) / c->low[0];
         double lower = most(0.0, tension[1] - c->force[0] + c->drag[0] * c->w[0]) / c->high[0];
-        double held = c->w[0] > 0.0 ? upper : c->w[0] < 0.0 ? lower : least(upper, most(lower, c->trial[0]));
+        double still = gives(c, 0) ? given_way(c, 0) : c->trial[0]; /* within the cone */
+        int slides = c->w[0] != 0.0 && !gives(c, 0);
+        double held = !slides ? least(upper, most(lower, still)) : c->w[0] > 0.0 ? upper : lower;
         tension[0] = c->w[0] > c->shift ? 0.0 : held;
     }
     if (c->rigid_out) {
         double near = tension[last_contact], force = c->force[last_contact]; /* of the bar and the contact before it */
-        double here = most(c->low[last_contact] * near - force, c->trial[last_contact + 1]);
+        double still = gives(c, last_contact) ? near - c->kept[last_contact] : c->trial[last_contact + 1];
+        double here = most(c->low[last_contact] * near - force, still);
         tension[last_contact + 1] = most(0.0, least(c->high[last_contact] * near + force, here));
     }
 }
@@ -64,10 +77,11 @@ typedef struct {
 /* docs/model.md (41), (42) */
 static inline cone_excess excess(const bar_chain *c, int64_t i, double near, double far) {
     if (i == 0 && c->rigid_in) near = 0.0; /* a rigid end is judged as if it were loose */
+    double motion = gives(c, i) ? far - near + c->kept[i] + c->bristle[i] * c->w[i] /* docs/model.md (279) */
+                                : SOLVER.motion * (c->stiffness[i] + c->stiffness[i + 1]) * c->w[i];
     far += c->drag[i] * c->w[i];
     return (cone_excess){
-        far - c->low[i] * near + c->force[i], far - c->high[i] * near - c->force[i],
-        SOLVER.motion * (c->stiffness[i] + c->stiffness[i + 1]) * c->w[i]};
+        far - c->low[i] * near + c->force[i], far - c->high[i] * near - c->force[i], motion};
 }
 
 /* The same with tight bars linear even below zero, and slack bars at zero. */
@@ -105,7 +119,8 @@ static double judge(const bar_chain *c, int renew) {
             if (renew) c->tight[0] = taut <= left;
             left = least(taut, left);
         }
-        double rounding = ROUNDING.single * (c->stiffness[i] + c->stiffness[i + 1]) * fabs(c->w[i]);
+        double stiff = c->stiffness[i] + c->stiffness[i + 1] + (gives(c, i) ? c->bristle[i] : 0.0);
+        double rounding = ROUNDING.single * stiff * fabs(c->w[i]);
         worst = most(fabs(left) - rounding, worst);
         if (renew) c->slip[i] = over.low < over.motion ? PULLED : over.high > over.motion ? RELEASED : STUCK;
     }
@@ -173,9 +188,9 @@ static int64_t solve_nested(const bar_chain *c, double tie) {
 }
 
 /* Movement [m] to one side of the cone; near and far without it, negative where slack [N]. */
-static double
-balanced_move(const bar_chain *c, int64_t i, double near, double far, double side, double kept) {
-    double k_near = c->stiffness[i], k_far = c->stiffness[i + 1], drag = c->drag[i];
+static double balanced_move(
+    const bar_chain *c, int64_t i, double near, double far, double side, double kept, double drag) {
+    double k_near = c->stiffness[i], k_far = c->stiffness[i + 1];
     double move = (side * near + kept - far) / (k_far + side * k_near + drag);
     if (move > 0.0 && far + k_far * move < 0.0 && side * k_near + drag > 0.0) /* the far bar stays slack */
         return (side * near + kept) / (side * k_near + drag);
@@ -193,11 +208,15 @@ static void relax(const bar_chain *c, int64_t sweeps) {
             int64_t i = pass % 2 == 0 ? turn : count - 1 - turn;
             c->w[i] = 0.0;
             double near = i == 0 && c->rigid_in ? 0.0 : linear(c, i), far = linear(c, i + 1);
-            double low = c->low[i], high = c->high[i], force = c->force[i];
-            if (most(0.0, far) < low * most(0.0, near) - force) /* outside of the cone; docs/model.md (41) */
-                c->w[i] = most(0.0, balanced_move(c, i, near, far, low, -force));
+            double low = c->low[i], high = c->high[i], force = c->force[i], drag = c->drag[i];
+            if (gives(c, i)) { /* docs/model.md (279) */
+                double still = balanced_move(c, i, near, far, 1.0, -c->kept[i], c->bristle[i]);
+                double released = balanced_move(c, i, near, far, high, force, drag);
+                c->w[i] = most(balanced_move(c, i, near, far, low, -force, drag), least(still, released));
+            } else if (most(0.0, far) < low * most(0.0, near) - force) /* outside of the cone; (41) */
+                c->w[i] = most(0.0, balanced_move(c, i, near, far, low, -force, drag));
             else if (most(0.0, far) > high * most(0.0, near) + force)
-                c->w[i] = least(0.0, balanced_move(c, i, near, far, high, force));
+                c->w[i] = least(0.0, balanced_move(c, i, near, far, high, force, drag));
             if (i == 0 && c->rigid_in) c->w[0] = most(c->shift, c->w[0]);
         }
     }
@@ -205,12 +224,16 @@ static void relax(const bar_chain *c, int64_t sweeps) {
 
 /* Free the tensions on the cone from the rounding of the solve, and mark the rigid ends. */
 static void free_from_rounding(const bar_chain *c) {
-    if (c->rigid_in) c->slip[0] = c->w[0] > 0.0 ? PULLED : c->w[0] < 0.0 ? RELEASED : STUCK;
+    if (c->rigid_in) {
+        double over = gives(c, 0) ? given_way(c, 0) - c->tension[0] : c->w[0];
+        if (fabs(over) <= (gives(c, 0) ? ROUNDING.relative * c->tension[0] : 0.0)) over = 0.0;
+        c->slip[0] = over > 0.0 ? PULLED : over < 0.0 ? RELEASED : STUCK;
+    }
     if (c->rigid_out) c->slip[c->k - 1] = STUCK;
     for (int64_t i = 0; i < c->k; i++) {
         if (c->slip[i] == STUCK || !(c->tension[i + 1] > 0.0 && c->stiffness[i + 1] > 0.0)) continue;
         double side = c->slip[i] == PULLED ? c->low[i] : c->high[i];
-        if (c->w[i] == 0.0)
+        if (c->w[i] == 0.0 && !gives(c, i))
             c->slip[i] = STUCK; /* a mark left over from a bar that was taken for slack on the way */
         else
             c->tension[i + 1] = /* on the side of the cone; docs/model.md (41) */
@@ -248,7 +271,7 @@ int64_t equilibrium(bar_chain *c, int hanging, int64_t from_before, int64_t from
 }
 
 int64_t tss_equilibrium(
-    int64_t k, const double trial[k + 1], const double stiffness[k + 1], const double cone[4][k],
+    int64_t k, const double trial[k + 1], const double stiffness[k + 1], const double cone[6][k],
     int64_t rigid_in, int64_t rigid_out, double shift, int64_t hanging, const double slip[k],
     int64_t from_before, int64_t from_guess, double tension[k + 1], double contacts[2][k], double residual[1],
     double work[20][k + 1]) {
@@ -258,7 +281,7 @@ int64_t tss_equilibrium(
     for (int64_t j = 0; j <= k; j++) c.trial[j] = trial[j], c.stiffness[j] = stiffness[j];
     for (int64_t i = 0; i < k; i++) {
         c.low[i] = cone[0][i], c.high[i] = cone[1][i], c.force[i] = cone[2][i], c.drag[i] = cone[3][i];
-        c.slip[i] = (int8_t)slip[i];
+        c.bristle[i] = cone[4][i], c.kept[i] = cone[5][i], c.slip[i] = (int8_t)slip[i];
     }
     c.rigid_in = (int)rigid_in, c.rigid_out = (int)rigid_out, c.shift = shift;
     int64_t solves = equilibrium(&c, (int)hanging, from_before, from_guess, residual);

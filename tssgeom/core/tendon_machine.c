@@ -16,25 +16,32 @@ static double softness(const bar_chain *c, int64_t j) {
     return c->stiffness[j] > 0.0 ? 1.0 / c->stiffness[j] : 0.0;
 }
 
-/* Ratio of the tensions behind and before a contact that slides. */
-static double ratio_at(const bar_chain *c, int64_t i) { return c->slip[i] == PULLED ? c->low[i] : c->high[i]; }
+/* Ratio of the tensions behind and before a contact, and its friction for each metre that it moves; returns
+   whether it moves at all. */
+static int moves(const bar_chain *c, int64_t i, double *ratio, double *drag) {
+    *ratio = c->slip[i] == PULLED ? c->low[i] : c->slip[i] == RELEASED ? c->high[i] : 1.0;
+    *drag = c->slip[i] == STUCK ? c->bristle[i] : c->drag[i];
+    return *drag < INFINITY;
+}
 
-/* Slopes of both tensions: contacts that slide pass a change on, the first one that sticks ends it; (174). */
+/* Slopes of both tensions: a contact that moves passes a change on, one that does not ends it; (174), (280). */
 static end_forces slopes_of(const bar_chain *c, int by_force) {
-    int64_t k = c->k, j = 0;
+    int64_t k = c->k;
     end_forces f = {.in = c->tension[0], .out = c->tension[k]};
-    double share = 1.0, soft = softness(c, 0);
-    while (j < k && c->slip[j] != STUCK) share *= ratio_at(c, j), j++, soft += share * softness(c, j);
-    if (j == k) { /* the whole tendon slides */
-        if (by_force || f.in <= 0.0) return f;
-        f.in_by_in = 1.0 / soft, f.in_by_out = -1.0 / soft;
-        f.out_by_in = share / soft, f.out_by_out = -share / soft;
-        return f;
+    double ratio, drag, share = 1.0, sides = 1.0, soft = softness(c, k);
+    for (int64_t i = k - 1; i >= 0; i--) { /* as the drive feels it */
+        double behind = moves(c, i, &ratio, &drag) ? ratio / (1.0 / soft + drag) : 0.0;
+        soft = softness(c, i) + behind;
+        share *= softness(c, i) == 0.0 ? behind > 0.0 : behind / soft;
+        sides *= ratio;
     }
-    if (!by_force && f.in > 0.0) f.in_by_in = 1.0 / soft;
-    share = 1.0, soft = softness(c, k);
-    for (j = k; j > 0 && c->slip[j - 1] != STUCK; j--)
-        share /= ratio_at(c, j - 1), soft += share * softness(c, j - 1);
+    if (!by_force && f.in > 0.0) {
+        f.in_by_in = 1.0 / soft;
+        if (share > 0.0) f.out_by_in = share / softness(c, k), f.in_by_out = -f.out_by_in / sides;
+    }
+    soft = by_force ? INFINITY : softness(c, 0);
+    for (int64_t i = 0; i < k; i++) /* as the load feels it */
+        soft = softness(c, i + 1) + (moves(c, i, &ratio, &drag) ? 1.0 / (ratio / soft + drag) : 0.0);
     if (f.out > 0.0) f.out_by_out = -1.0 / soft;
     return f;
 }
@@ -63,7 +70,7 @@ static int try_tendon(const sample *it, int64_t i, const double z[], end_forces 
         end += it->distal[i * it->m + j] * z[j];
     }
     memcpy(block, before, memory_bytes(k));
-    bar_laws laws = laws_of(k, it->plant + i * (16 * (k + 1) + 429));
+    bar_laws laws = laws_of(k, it->plant + i * (16 * (k + 1) + 431));
     bar_memory memory = memory_of(k, block);
     step_room room = room_of(k, it->work);
     begin_room(&laws, &room);
@@ -204,7 +211,7 @@ static void read_ends(const sample *it, const double z[], double ends[]) {
     int64_t k = it->k, m = it->m;
     double unused;
     for (int64_t i = 0; i < it->n; i++) {
-        bar_laws laws = laws_of(k, it->plant + i * (16 * (k + 1) + 429));
+        bar_laws laws = laws_of(k, it->plant + i * (16 * (k + 1) + 431));
         bar_memory kept = memory_of(k, it->trial + i * (9 * (k + 1) + 7));
         double *row = ends + 4 * i, moved = it->end[i], pulled = it->drive[i];
         for (int64_t a = 0; a < m; a++)
@@ -217,7 +224,7 @@ static void read_ends(const sample *it, const double z[], double ends[]) {
 }
 
 int64_t tss_march_machine(
-    int64_t n, int64_t k, const double plant[n][16 * (k + 1) + 429], const double memory[n][9 * (k + 1) + 7],
+    int64_t n, int64_t k, const double plant[n][16 * (k + 1) + 431], const double memory[n][9 * (k + 1) + 7],
     int64_t m, const double proximal[n][m], const double distal[n][m], const double stiffness[m],
     const double gravity[m][2], const double friction[m], const double at_rest[m], const double start[m],
     int64_t by_force, int64_t s,
@@ -252,15 +259,15 @@ int64_t tss_march_machine(
 }
 
 int64_t tss_step_machines(
-    int64_t w, int64_t c, int64_t n, int64_t k, int64_t d, const double plant[n][16 * (k + 1) + 429],
-    const double slope[d][n * (16 * (k + 1) + 429)], const double shift[c][d],
+    int64_t w, int64_t c, int64_t n, int64_t k, int64_t d, const double plant[n][16 * (k + 1) + 431],
+    const double slope[d][n * (16 * (k + 1) + 431)], const double shift[c][d],
     const double memory[w][n * (9 * (k + 1) + 7)], const int64_t row[c], int64_t m, const double proximal[c][n * m],
     const double distal[c][n * m], const double stiffness[c][m], const double gravity[c][2 * m],
     const double friction[c], const double at_rest[c][m], const double start[c][m], int64_t by_force,
     const double drive[c][n], const double end[c][n], const double load[c][m], double span, double warmth,
     double after[c][n * (9 * (k + 1) + 7)], double coordinate[c][m], double ends[c][4 * n],
-    double own[n][16 * (k + 1) + 429], double work[21][k + 1]) {
-    int64_t size = 16 * (k + 1) + 429;
+    double own[n][16 * (k + 1) + 431], double work[21][k + 1]) {
+    int64_t size = 16 * (k + 1) + 431;
     if (k < 2 || n < 1 || m > MOST || !isfinite(span + warmth)) return 0;
     for (int64_t j = 0; j < c; j++) {
         double sum = 0.0;

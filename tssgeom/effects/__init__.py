@@ -34,6 +34,7 @@ from tssgeom.effects.friction import (
     EndFittingFrictionProximal,
     FrictionDrift,
     LoadDependentFriction,
+    Presliding,
     StraightSectionFriction,
     VelocityDependentFriction,
     ViscousDrag,
@@ -51,6 +52,7 @@ Library: TypeAlias = (
     | CurvatureDependentFriction
     | AsymmetricFriction
     | FrictionDrift
+    | Presliding
     | EndFittingFrictionProximal
     | EndFittingFrictionDistal
     | HiddenBend
@@ -152,6 +154,7 @@ __all__ = [
     "LoadCellCrosstalk",
     "LoadDependentFriction",
     "Parameter",
+    "Presliding",
     "PretensionError",
     "SensorLaw",
     "SeriesComplianceDistal",

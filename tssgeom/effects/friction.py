@@ -210,6 +210,31 @@ def _tie_of_fitting(end: str) -> tuple[Tie, ...]:
     return (Tie("G4", ("hidden_bend",), where, "take the fitting off, or unbend that end"),)
 
 
+class Presliding(Effect, frozen=True):
+    """Contacts give way like springs before they slide; docs/model.md (279).
+
+    Asperities and liners shear before they let go: a tendon that turns back moves at once, and its friction
+    follows over a fraction of a millimetre. Source: L. Prandtl, Ein Gedankenmodell zur kinetischen Theorie
+    der festen Körper, Z. Angew. Math. Mech. 8 (1928); P. R. Dahl, Solid friction damping of mechanical
+    vibrations, AIAA J. 14 (1976).
+    """
+
+    distance_m: float
+    """Movement from no friction to sliding, at the reference tension [m]."""
+    reference_N: float = 10.0
+    """That tension; at others the movement is proportional to it [N]."""
+
+    hook: ClassVar[Hook] = "friction cone"
+    parameters: ClassVar[dict[str, Parameter]] = {
+        "distance_m": Parameter("m", 0.0, 5e-3, 5e-5, 1e-4),
+        "reference_N": Parameter("N", 0.1, 1000.0, 10.0, 10.0, centre=10.0, switch=False, fitted=False),
+    }
+
+    def on(self, setup: Setup) -> Setup:
+        """Return the setup with this effect in it."""
+        return replace(setup, presliding_m=self.distance_m, presliding_reference_N=self.reference_N)
+
+
 class EndFittingFrictionProximal(Effect, frozen=True):
     """A guide at the proximal end holds the tendon: a play of ±(force + ratio · mean tension).
 

@@ -123,6 +123,8 @@ class Setup:
     fitting_out_N: float = 0.0
     fitting_in_exponent: float = 0.0
     fitting_out_exponent: float = 0.0
+    presliding_m: float = 0.0
+    presliding_reference_N: float = 10.0
 
     # route
     bends: tuple[Bend, ...] = ()

@@ -28,6 +28,7 @@ MECHANISM_OF = {
     "curvature_dependent_friction": "friction_over_curvature",
     "asymmetric_friction": "friction_over_direction",
     "friction_drift": "friction_over_travel",
+    "presliding": "presliding",
     "end_fitting_friction_proximal": "friction_at_end",
     "end_fitting_friction_distal": "friction_at_end",
     "hidden_bend": "route_angle",

@@ -1,4 +1,4 @@
-"""Slow twin of the equilibrium of a chain of bars; docs/model.md (40)-(47)."""
+"""Slow twin of the equilibrium of a chain of bars; docs/model.md (40)-(47), (279)."""
 
 from typing import NamedTuple
 
@@ -25,6 +25,10 @@ class Chain(NamedTuple):
     """[n+1] T[i+1] lies between low·T[i] − force and high·T[i] + force [N]."""
     drag: np.ndarray
     """[n+1] Friction for each metre moved in this step [N/m]."""
+    bristle: np.ndarray
+    """[n+1] Friction for each metre that a contact gives before it slides, inf where it does not [N/m]."""
+    kept: np.ndarray
+    """[n+1] Friction before the step, of a contact that gives [N]."""
     rigid_in: bool
     """Whether the proximal end moves by exactly `shift`."""
     rigid_out: bool
@@ -106,13 +110,20 @@ def guess(chain, hanging, tension, slip, tight):
 def _solve(chain, slip, tight, w, ratios):
     """Solve the bar laws with every contact in the state of `slip`, for the movements w [m]."""
     trial, stiffness, low, high = chain.trial, chain.stiffness, chain.low, chain.high
-    force, drag = chain.force, chain.drag
+    force, drag, bristle, kept = chain.force, chain.drag, chain.bristle, chain.kept
     nodes = slip.size
     for i in range(nodes):
         before, here, behind, right = 0.0, 1.0, 0.0, 0.0
         if i == 0 and chain.rigid_in and tight[0]:
             right = chain.shift
-        elif slip[i] != STUCK and not (i == nodes - 1 and chain.rigid_out):
+        elif i == nodes - 1 and chain.rigid_out:
+            pass
+        elif slip[i] == STUCK and bristle[i] < np.inf:  # docs/model.md (279)
+            near, far = stiffness[i] * tight[i], stiffness[i + 1] * tight[i + 1]
+            if near + far + bristle[i] > 0.0:
+                before, here, behind = -near, near + far + bristle[i], -far
+                right = -kept[i] + (trial[i] if tight[i] else 0.0) - (trial[i + 1] if tight[i + 1] else 0.0)
+        elif slip[i] != STUCK:
             side = low[i] if slip[i] == PULLED else high[i]
             near = side * stiffness[i] if tight[i] else 0.0
             far = stiffness[i + 1] if tight[i + 1] else 0.0
@@ -149,9 +160,12 @@ def _tensions(chain, w, tension):
         most = (tension[1] + force[0] + drag[0] * w[0]) / low[0]
         least = max(tension[1] - force[0] + drag[0] * w[0], 0.0) / high[0]
         held = most if w[0] > 0.0 else least if w[0] < 0.0 else min(max(trial[0], least), most)
+        if chain.bristle[0] < np.inf:
+            held = min(max(tension[1] + chain.kept[0] + chain.bristle[0] * w[0], least), most)
         tension[0] = 0.0 if w[0] > chain.shift else held
     if chain.rigid_out:
-        here = max(trial[last + 1], low[last] * tension[last] - force[last])
+        still = trial[last + 1] if chain.bristle[last] == np.inf else tension[last] - chain.kept[last]
+        here = max(still, low[last] * tension[last] - force[last])
         tension[last + 1] = max(min(here, high[last] * tension[last] + force[last]), 0.0)
 
 
@@ -160,8 +174,10 @@ def _excess(chain, w, i, near, far):
     stiffness, force = chain.stiffness, chain.force
     if i == 0 and chain.rigid_in:
         near = 0.0  # a rigid end is judged as if it were loose
-    far += chain.drag[i] * w[i]
     motion = SOLVER.motion * (stiffness[i] + stiffness[i + 1]) * w[i]
+    if chain.bristle[i] < np.inf:
+        motion = far - near + chain.kept[i] + chain.bristle[i] * w[i]
+    far += chain.drag[i] * w[i]
     return far - chain.low[i] * near + force[i], far - chain.high[i] * near - force[i], motion
 
 
@@ -175,7 +191,8 @@ def _judge(chain, w, tension, slip, tight, renew):
             taut = stiffness[1] * (w[0] - chain.shift)
             tight[0] = taut <= left if renew else tight[0]
             left = min(left, taut)
-        worst = max(worst, abs(left) - ROUNDING.single * (stiffness[i] + stiffness[i + 1]) * abs(w[i]))
+        stiff = stiffness[i] + stiffness[i + 1] + (chain.bristle[i] if chain.bristle[i] < np.inf else 0.0)
+        worst = max(worst, abs(left) - ROUNDING.single * stiff * abs(w[i]))
         if renew:
             slip[i] = PULLED if over_low < motion else RELEASED if over_high > motion else STUCK
     if renew:
@@ -284,7 +301,12 @@ def _relax(chain, w, sweeps):
             near = 0.0 if i == 0 and chain.rigid_in else _linear(chain, w, i)
             far = _linear(chain, w, i + 1)
             stiff = (stiffness[i], stiffness[i + 1])
-            if max(far, 0.0) < low[i] * max(near, 0.0) - force[i]:
+            if chain.bristle[i] < np.inf:
+                still = _balance(near, far, stiff, 1.0, -chain.kept[i], chain.bristle[i])
+                released = _balance(near, far, stiff, high[i], force[i], drag[i])
+                pulled = _balance(near, far, stiff, low[i], -force[i], drag[i])
+                w[i] = max(pulled, min(still, released))
+            elif max(far, 0.0) < low[i] * max(near, 0.0) - force[i]:
                 w[i] = max(_balance(near, far, stiff, low[i], -force[i], drag[i]), 0.0)
             elif max(far, 0.0) > high[i] * max(near, 0.0) + force[i]:
                 w[i] = min(_balance(near, far, stiff, high[i], force[i], drag[i]), 0.0)
@@ -295,13 +317,17 @@ def _relax(chain, w, sweeps):
 def _freed_from_rounding(chain, slip, w, tension):
     """Free the tensions on the cone from the rounding of the solve, and mark the rigid ends."""
     if chain.rigid_in:
-        slip[0] = PULLED if w[0] > 0.0 else RELEASED if w[0] < 0.0 else STUCK
+        over = w[0]
+        if chain.bristle[0] < np.inf:
+            over = tension[1] + chain.kept[0] + chain.bristle[0] * w[0] - tension[0]
+            over *= abs(over) > ROUNDING.relative * tension[0]
+        slip[0] = PULLED if over > 0.0 else RELEASED if over < 0.0 else STUCK
     if chain.rigid_out:
         slip[-1] = STUCK
     for i in range(slip.size):
         if slip[i] != STUCK and tension[i + 1] > 0.0 and chain.stiffness[i + 1] > 0.0:
             side = chain.low[i] if slip[i] == PULLED else chain.high[i]
-            if w[i] != 0.0:
+            if w[i] != 0.0 or chain.bristle[i] < np.inf:
                 here = side * tension[i] - slip[i] * chain.force[i] - chain.drag[i] * w[i]
                 tension[i + 1] = max(here, 0.0)
             else:

@@ -39,6 +39,8 @@ class Plant(NamedTuple):
     wear_travel: float  # m
     speed_gain: float
     speed_reference: float  # m/s
+    presliding: float  # m
+    presliding_reference: float  # N
     backlash: float  # m
     pretension: float  # N
     load: float  # N/m
@@ -182,6 +184,15 @@ def _cone(plant, exponents, about, moved, span, low, high, force, drag):
         high[i] = math.exp(releasing[i] * factor + fitting[i])
 
 
+def _bristles(plant, tension):
+    """Return the stiffness of contacts that give way before they slide, and their friction; (279)."""
+    if plant.presliding == 0.0:
+        return np.full(plant.force.size, np.inf), np.zeros(plant.force.size)
+    exponent = 0.5 * (plant.pulling + plant.releasing) + plant.fitting
+    limit = exponent * plant.presliding_reference + plant.force
+    return limit / plant.presliding, tension[:-1] - tension[1:]
+
+
 def workspace(plant):
     """Return arrays that steps write into: exponents and sides of the cone, and room for `balanced`."""
     k = plant.force.size
@@ -210,7 +221,8 @@ def balanced(plant, memory, by_force, target, weight, warmth, span, rest, cone, 
     drag[:] = plant.drag / span
     if plant.wear_gain != 0.0:
         worn(plant, memory.travel, pulling, releasing)
-    chain = Chain(trial, stiffness, low, high, force, drag, rigid_in, rigid_out, shift)
+    bristle, kept = _bristles(plant, memory.tension)
+    chain = Chain(trial, stiffness, low, high, force, drag, bristle, kept, rigid_in, rigid_out, shift)
     tension, w, residual = about, moved, np.inf
     change, slip, solves = np.inf, memory.slip, 0
     one_pass = not (plant.curved or plant.varied)

@@ -26,7 +26,7 @@ class Plant(NamedTuple):
     """What stays the same during a run, of b bars and b − 1 contacts."""
 
     block: Vector
-    """[16·b + 429] Rows of `LawRows`, each b long, numbers of `PlantNumbers`, tables of `Tables`."""
+    """[16·b + 431] Rows of `LawRows`, each b long, numbers of `PlantNumbers`, tables of `Tables`."""
 
     @property
     def rows(self) -> Matrix:
@@ -221,7 +221,7 @@ def _numbers(setup: Setup) -> list[float]:
     times = (*(time for _, time in setup.more_creep), 0.0, 0.0)
     by_rate = by_speed or setup.drag_Ns_per_m2 != 0.0
     moved = setup.creep_ratio or setup.expansion_per_K or setup.wear_gain < 0.0 or tables & _BY_ITSELF
-    alone = not (by_rate or moved)
+    alone = not (by_rate or moved or setup.presliding_m)
     numbers = {
         "pretension": setup.pretension,
         "load": setup.load_stiffness,
@@ -241,6 +241,8 @@ def _numbers(setup: Setup) -> list[float]:
         "curvature_gain": setup.curvature_gain_m,
         "creep_time_2": times[0],
         "creep_time_3": times[1],
+        "presliding": setup.presliding_m,
+        "presliding_reference": setup.presliding_reference_N,
         "curved": bool(curved),
         "by_rate": by_rate,
         "varied": bool(setup.load_exponent or setup.wear_gain or by_speed or tables & _OF_CONTACTS),
