@@ -118,8 +118,8 @@ def machine_run(
     noisy = noisy_inputs(columns, rows, [each for each in given_names[1:] if each not in (*pulled, *moved)])
     given = {each: noisy.readings.get(each, columns[each][rows]) for each in given_names}
     levelled = {
-        each: legs(given[each], given["time_s"], of_position=True, calm=each == "motor_angle_rad")
-        for each in moved
+        each: legs(given[each], given["time_s"], noise, of_position=True, calm=each == "motor_angle_rad")
+        for each, noise in moved.items()
     }
     motion = given[given_names[1]]
     turning = np.concatenate([turns_of(motion), *(each.turns for each in levelled.values())])
@@ -165,17 +165,19 @@ def _noise_of(readings: Vector, time: Vector) -> float:
 
 def _position_beside_force(
     columns: Mapping[str, Vector], rows: np.ndarray, drive: DriveName, count: int
-) -> tuple[str, ...]:
-    """Return the one position that drives, where its force is measured too; docs/model.md (276), (277)."""
+) -> dict[str, float]:
+    """Return the one position that drives and its noise, where its force is measured too; (276), (277)."""
     channel, *more = drive_channels(drive, count)
     if drive not in ("displacement_in", "motor_angle_rad") or more:
-        return ()
+        return {}
     forces = [each for each in (*numbered("tension_in_N", count), "motor_torque_Nm") if each in columns]
     known = any(np.isfinite(columns[each][rows]).sum() >= READING.fewest for each in forces)
     readings = columns[channel][rows]
-    if not known or not is_noisy(readings, reading_noise(readings)):
-        return ()
-    return (channel,) if drive == "displacement_in" or turns_between_readings(readings) else ()
+    noise = reading_noise(readings)
+    if not known or not is_noisy(readings, noise):
+        return {}
+    levelled = drive == "displacement_in" or turns_between_readings(readings, noise)
+    return {channel: noise} if levelled else {}
 
 
 def _kept_legs(made: Legs, kept: np.ndarray) -> Legs:

@@ -72,9 +72,8 @@ class Legs:
         return replace(moved, values=_bounded(moved, at))
 
 
-def turns_between_readings(readings: Vector) -> bool:
+def turns_between_readings(readings: Vector, noise: float) -> bool:
     """Return whether a drive goes farther than its noise from a turn to the next reading; (277)."""
-    noise = reading_noise(readings)
     at = _turns(readings, noise)[1:-1]
     steps = np.max([np.abs(readings[at + step] - readings[at]) for step in (-1, 1)], axis=0)
     return len(at) > 0 and float(np.median(steps)) > CHANCE.never * noise
@@ -84,12 +83,19 @@ def _turns(readings: Vector, noise: float) -> NDArray[np.intp]:
     return turns(readings, max(CHANCE.never * noise, LEGS.least_reversal * float(np.ptp(readings))))
 
 
-def legs(readings: Vector, time: Vector, *, of_position: bool = False, calm: bool = False) -> Legs:
+def legs(
+    readings: Vector,
+    time: Vector,
+    noise: float | None = None,
+    *,
+    of_position: bool = False,
+    calm: bool = False,
+) -> Legs:
     """Make a proximal tension [n] [N], or position [m], at times [n] [s] monotone from turn to turn; (70).
 
     Source: docs/model.md (70), with `calm` (277) for the angle of a motor [rad], (278) for where turns are.
     """
-    noise = reading_noise(readings)
+    noise = reading_noise(readings) if noise is None else noise
     inner = _turns(readings, noise)[1:-1]
     edges = np.concatenate(([0], inner, [len(readings) - 1]))
     levels = [
@@ -98,15 +104,12 @@ def legs(readings: Vector, time: Vector, *, of_position: bool = False, calm: boo
     ]
     values = calmed(readings, noise, time) if calm else _monotone(readings, edges, levels)
     at, se = np.array([[each.value, each.se] for each in levels]).reshape(-1, 2).T
-    for k, turn in enumerate(inner):
-        bound = np.minimum if readings[turn] > readings[edges[k]] else np.maximum
-        near = slice(edges[k], edges[k + 2] + 1)
-        values[near] = bound(values[near], at[k])
     before, behind = (np.abs(readings[inner + step] - readings[inner]) for step in (-1, 1))
     low = -np.inf if of_position else 0.0
     turned = inner + (behind < before)
     values, at = (read_only(np.maximum(each, low)) for each in (values, at))
-    return Legs(values, turned, at, read_only(se), noise, low, calm)
+    made = Legs(values, turned, at, read_only(se), noise, low, calm)
+    return replace(made, values=_bounded(made, at))
 
 
 def _monotone(readings: Vector, edges: NDArray[np.intp], levels: Sequence[TurnLevel]) -> Vector:
@@ -147,4 +150,4 @@ def _bounded(drive: Legs, at: Vector) -> Vector:
         near = slice(edges[k], edges[k + 2] + 1)
         peak = drive.turn_values[k] > values[edges[k]]
         values[near] = np.minimum(values[near], turn) if peak else np.maximum(values[near], turn)
-    return values
+    return read_only(values)
