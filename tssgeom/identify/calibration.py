@@ -191,7 +191,9 @@ class _Fit:
     left: Vector
     """[rows] Measured less simulated [N, m]."""
     jacobian: Matrix
-    """[rows + parameters, parameters] Of weighted residuals and priors."""
+    """[rows, parameters] Of weighted residuals."""
+    bread: Matrix
+    """Inverse of the normal matrix, of residuals and priors."""
     covariance: Matrix
     inflation: Vector
     """Readings of each channel over effective ones [1]."""
@@ -222,11 +224,13 @@ def _fitted(run: CalibratedRun, rig: Rig, progress: Callable[[str, float], objec
     square = squares(
         problem.whitening.whitened(left), [rows.stop - rows.start for rows in blocks], at.size, inflation
     )
-    fit = _Fit(run, problem, at, left, jacobian, _sandwich(jacobian, square), inflation, np.zeros(len(left)))
+    bread = np.asarray(np.linalg.inv(jacobian.T @ jacobian), dtype=np.float64)
+    of_noise = bread @ (jacobian.T @ (square[:, None] * jacobian)) @ bread  # (73)
+    fit = _Fit(run, problem, at, left, of_data, bread, of_noise, inflation, np.zeros(len(left)))
     if run.tension is None or run.reading.drive == "tension_in_N":
         return fit
     progress("errors of the drive", _FITTED)
-    noise = drive_noise(run, problem, at, _bread(jacobian), of_data)
+    noise = drive_noise(run, problem, at, bread, of_data)
     return replace(fit, covariance=fit.covariance + noise.covariance, of_drive=noise.spread)
 
 
@@ -241,17 +245,6 @@ def _whitening(weight: Sequence[Vector]) -> Whitening:
     return unshared(1.0 / np.concatenate(weight))
 
 
-def _sandwich(jacobian: Matrix, square: Vector) -> Matrix:
-    """Covariance of the estimates where some readings are noisier than others; docs/model.md (73)."""
-    bread = _bread(jacobian)
-    return bread @ (jacobian.T @ (square[:, None] * jacobian)) @ bread
-
-
-def _bread(jacobian: Matrix) -> Matrix:
-    """Return the inverse of the normal matrix."""
-    return np.asarray(np.linalg.inv(jacobian.T @ jacobian), dtype=np.float64)
-
-
 def _route_covariance(fit: _Fit, arcs: Arcs, rig: Rig) -> Matrix:
     """Covariance of the estimates that comes from that of lengths, angles and their common gain; (74)."""
     k, problem = len(arcs.length), fit.problem
@@ -259,8 +252,6 @@ def _route_covariance(fit: _Fit, arcs: Arcs, rig: Rig) -> Matrix:
     gained = rig.shape.angle_gain_sd * np.concatenate([np.zeros(k), arcs.angle])
     total += np.outer(gained, gained)
     value, way = np.linalg.eigh(total)
-    of_data = fit.jacobian[: problem.stack.size]
-    bread = _bread(fit.jacobian)
     out = np.zeros_like(fit.covariance)
     for variance, direction in zip(value, way.T, strict=True):
         if variance <= 1e-6 * max(value[-1], 1e-300) or variance < 1e-18:
@@ -268,7 +259,7 @@ def _route_covariance(fit: _Fit, arcs: Arcs, rig: Rig) -> Matrix:
         by = SOLVER.coarse_step * math.sqrt(variance) * direction
         there = problem.target - fit.run.on(_moved(arcs, by)).predicted(fit.at, problem.rig)
         change = problem.whitening.whitened(there - fit.left) / SOLVER.coarse_step
-        shift = bread @ (of_data.T @ change)
+        shift = fit.bread @ (fit.jacobian.T @ change)
         out += np.outer(shift, shift)
     return out
 
