@@ -12,8 +12,10 @@ from tssgeom.io.formats.laboratory.names import split_unit
 from tssgeom.io.formats.laboratory.raw import RawTable
 from tssgeom.io.formats.laboratory.units import ANGLE, CURVATURE, Unit, unit_of
 
-_SIZE = ("kappa", "κ", "curvature", "curv", "bend", "magnitude")
-_DIRECTION = ("theta", "θ", "phi", "φ", "angle", "direction", "orientation", "bendangle", "bendingangle")
+_WORDS = {
+    CURVATURE: ("kappa", "κ", "curvature", "curv", "bend", "magnitude"),
+    ANGLE: ("theta", "θ", "phi", "φ", "angle", "direction", "orientation", "bendangle", "bendingangle"),
+}
 
 
 def with_components(table: RawTable, said: Mapping[str, object]) -> RawTable:
@@ -21,8 +23,7 @@ def with_components(table: RawTable, said: Mapping[str, object]) -> RawTable:
 
     One that has not exactly one column of each, with the unit of each, stays as it is.
     """
-    sizes = _columns(table.names, table.units, _SIZE, CURVATURE, said)
-    directions = _columns(table.names, table.units, _DIRECTION, ANGLE, said)
+    sizes, directions = _columns(table.names, table.units, said)
     if len(sizes) != 1 or len(directions) != 1:
         return table
     (size, unit), (direction, angle) = sizes[0], directions[0]
@@ -46,23 +47,21 @@ def with_components(table: RawTable, said: Mapping[str, object]) -> RawTable:
 
 def has_size(names: Sequence[str]) -> bool:
     """Whether a name is that of the size of a curvature, with its unit."""
-    return bool(_columns(names, (), _SIZE, CURVATURE, ()))
+    return bool(_columns(names, (), ())[0])
 
 
 def _columns(
-    names: Sequence[str], units: Sequence[str], words: Sequence[str], quantity: str, said: Collection[str]
-) -> list[tuple[int, Unit]]:
-    """Return the columns with one of these words and a unit of a quantity, which nobody states otherwise.
+    names: Sequence[str], units: Sequence[str], said: Collection[str]
+) -> tuple[list[tuple[int, Unit]], list[tuple[int, Unit]]]:
+    """Return the columns of sizes and of directions, by word and unit, which nobody states otherwise.
 
     None where there are coordinates: what a shape turns may be written beside its points.
     """
-    columns = list[tuple[int, Unit]]()
-    if any(split_unit(name)[0].lower() in AXES for name in names):
-        return columns
-    for k, name in enumerate(names):
-        stem, unit = split_unit(name)
+    columns: dict[str, list[tuple[int, Unit]]] = {quantity: [] for quantity in _WORDS}
+    split = [] if any(split_unit(name)[0].lower() in AXES for name in names) else map(split_unit, names)
+    for k, (stem, unit) in enumerate(split):
         unit = unit_of(units[k] if units else "") or unit
         plain = "".join(letter for letter in stem.lower() if letter.isalpha())
-        if plain in words and unit is not None and unit.quantity == quantity and name not in said:
-            columns.append((k, unit))
-    return columns
+        if unit is not None and plain in _WORDS.get(unit.quantity, ()) and names[k] not in said:
+            columns[unit.quantity].append((k, unit))
+    return columns[CURVATURE], columns[ANGLE]
