@@ -54,7 +54,8 @@ VECTOR = FORMATS[:2]
 SMALLEST = 7.0
 """Smallest text of a figure [pt]."""
 _DPI = 200
-_CALENDAR = 1e6  # s; chosen: eleven days, which no run lasts. Later times are of a calendar
+CALENDAR = 1e5
+"""Times beyond this are of a calendar [s]; chosen: a day and more, after which no run begins."""
 _RC: Any = {
     "pdf.fonttype": 42,
     "svg.fonttype": "none",
@@ -111,7 +112,7 @@ def figure(size: tuple[float, float]) -> Iterator[Figure]:
         drawing = Figure(figsize=(width, height), layout="constrained")
         yield drawing
         for axes in drawing.axes:
-            if axes.get_xlabel() == TIME.title and abs(axes.get_xlim()[0]) > _CALENDAR:
+            if axes.get_xlabel() == TIME.title and abs(axes.get_xlim()[0]) > CALENDAR:
                 _count_from_first(axes)
         restyle(drawing)
 

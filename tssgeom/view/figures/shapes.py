@@ -18,7 +18,7 @@ from tssgeom.route.pieces import Arcs
 from tssgeom.route.resolution import angle_over_resolution
 from tssgeom.statistics import NORMAL_95
 from tssgeom.stream import FrameResult
-from tssgeom.view.figures.plots import INK, SMALLEST, SOFT, note, panels, titles
+from tssgeom.view.figures.plots import CALENDAR, INK, SMALLEST, SOFT, note, panels, titles
 from tssgeom.view.figures.route import NODES, coloured, draw_dots, route_figure, shades
 from tssgeom.view.figures.runs import time_figure, transmission_figure
 from tssgeom.view.quantities import ANGLE, ARC_LENGTH, CURVATURE_AT, TENSION_AT
@@ -50,7 +50,7 @@ def figures_of(result: FrameResult, series: Series | None) -> Mapping[str, Calla
 def _at_time(draw: Callable[[], Figure], time: float) -> Figure:
     """Draw a figure of one moment of a run, and state its time [s], in the title where there is one."""
     drawing = draw()
-    stated = f"{time:.3f} s" if abs(time) > 1e5 else f"{time:.6g} s"  # seconds of a calendar have ten digits
+    stated = f"{time:.3f} s" if abs(time) > CALENDAR else f"{time:.6g} s"
     first = drawing.axes[0]
     title = first.get_title(loc="left")
     if not title:
