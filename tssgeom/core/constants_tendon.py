@@ -30,9 +30,8 @@ class SolverTolerances(NamedTuple):
     any sensor resolves. Above 107 N it grows with the tension; docs/model.md (250). The last pass over curved
     laws moves no tension by a tenth of it."""
     trials: int = 80
-    """Most trials in a search for one number [1]; derived: bisection alone would need some 60."""
-    passes: int = 90
-    """Passes over curved laws before a step is given up [1]; chosen."""
+    """Most trials in a search for one number, and passes over curved laws before a step is given up [1];
+    derived: bisection alone would need some 60."""
     full_passes: int = 15
     """Passes that go all the way, the others half of it [1]; chosen."""
     motion: float = 1e-3

@@ -305,7 +305,7 @@ double balance(
     if (laws->presliding > 0.0) set_bristles(laws, memory, c);
     double change = INFINITY, residual = INFINITY, accepted = SOLVER.accepted;
     *solves = 0;
-    for (int64_t done = 0; done < (one_pass ? 1 : SOLVER.passes); done++) {
+    for (int64_t done = 0; done < (one_pass ? 1 : SOLVER.trials); done++) {
         set_bars(laws, room, shares);
         if (by_force) c->trial[0] = target, c->stiffness[0] = 0.0;
         else if (c->rigid_in) c->trial[0] = memory->tension[0], c->stiffness[0] = 0.0;

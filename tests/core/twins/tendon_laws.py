@@ -226,7 +226,7 @@ def balanced(plant, memory, by_force, target, weight, warmth, span, rest, cone, 
     tension, w, residual = about, moved, np.inf
     change, slip, solves = np.inf, memory.slip, 0
     one_pass = not (plant.curved or plant.varied)
-    for done in range(1 if one_pass else SOLVER.passes):
+    for done in range(1 if one_pass else SOLVER.trials):
         _offer(plant, given, weights[2], about, trial, stiffness)
         if by_force:
             trial[0], stiffness[0] = target, 0.0
