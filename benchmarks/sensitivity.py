@@ -8,7 +8,8 @@ a fork of one process that has imported it. `--idle` searches only for constants
 at the first number that moves, and a constant that moved one when halved is not doubled. A constant that no
 case reads has "not reached". Rows that are done are kept in `results/sensitivity.json`, so a run that was
 stopped goes on; where the code has changed, it starts again. `--list` prints the constants with unit and
-origin; `--quick` changes one constant, in few cases.
+origin, and counts limits of files, queues and connections by themselves, for no model has them; `--quick`
+changes one constant, in few cases.
 """
 
 from __future__ import annotations
@@ -43,6 +44,7 @@ _AREA_OF_CORE = {
     "constants_arcs": "route",
     "constants_tendon": "tendon",
 }
+_OF_INPUT = ("io.network.", "io.formats.blocks.", "io.formats.laboratory.text.", "summary.")
 _SAME = 1e-6  # relative change that counts as none: a search may end one step away
 _SMALL = 0.01  # relative change below which a number is not named
 _CLOCK = "processor time [s]"  # differs from run to run
@@ -325,11 +327,13 @@ def _table(chosen: Sequence[Constant], done: Mapping[str, Numbers | str], *, mar
 
 
 def listing(chosen: Sequence[Constant], *, markdown: bool) -> str:
-    """Return every constant with unit and origin, and how many there are without an origin."""
+    """Return every constant with unit and origin, and how many of each kind, and without an origin."""
     rows = [[_short(each), each.source, each.unit, each.origin] for each in chosen]
     without = sum(each.origin == ABSENT for each in chosen)
+    of_input = sum(_short(each).startswith(_OF_INPUT) for each in chosen)
     lines = table(["constant", "value", "unit", "origin"], rows, text_columns=4, markdown=markdown)
-    return f"{lines}\n\n{len(chosen)} constants, {without} without an origin"
+    counts = f"{len(chosen) - of_input} tuned constants and {of_input} limits of input"
+    return f"{lines}\n\n{counts}, {without} without an origin"
 
 
 def _short(constant: Constant) -> str:

@@ -91,7 +91,16 @@ def test_unit_and_origin_are_those_of_the_documentation(tree):
         "chosen",
         "cited",
     ]
-    assert listing(list(fields.values()), markdown=False).endswith("6 constants, 2 without an origin")
+    counts = "6 tuned constants and 0 limits of input, 2 without an origin"
+    assert listing(list(fields.values()), markdown=False).endswith(counts)
+
+
+def test_limits_of_files_and_queues_are_counted_apart_from_tuned_constants(tree):
+    queue = tree / "tssgeom/io/network/queue.py"
+    queue.parent.mkdir(parents=True)
+    queue.write_text(LIMITS, encoding="utf-8")
+    counts = "6 tuned constants and 6 limits of input, 4 without an origin"
+    assert listing(constants(tree), markdown=False).endswith(counts)
 
 
 def test_halves_and_doubles_keep_the_type_and_what_is_no_number_stays(tree):
