@@ -9,12 +9,12 @@ from tssgeom.route.pieces import Arcs
 
 
 @pytest.mark.parametrize(
-    ("since", "jumps"), [(4.0, True), (-9.0, False)], ids=["while it is kept", "before the first moment"]
+    ("since", "leaps"), [(4.0, True), (-9.0, False)], ids=["while it is kept", "before the first moment"]
 )
-def test_a_sensed_angle_that_jumps_is_seen_where_moments_are_kept(since, jumps):
+def test_the_sensed_angle_leaps_where_any_moment_shows_it(since, leaps):
     angles = np.where(np.arange(100) < 45, 3.0, 3.6)
     moments = [
         Moment(0.1 * k, Arcs.exact(np.array([0.5]), np.array([angle])), None)
         for k, angle in enumerate(angles)
     ]
-    assert turned(moments, since) is jumps
+    assert turned(moments, since) is leaps
