@@ -16,7 +16,7 @@ from tssgeom.identify.machine_evidence import modelled
 from tssgeom.identify.machine_fit import fit_from, fitted_again, start_of
 from tssgeom.identify.machine_held_out import cycles_held_out, runs_held_out
 from tssgeom.identify.machine_parameters import parameters_of
-from tssgeom.identify.machine_parts import DRIVE_LAG, drive_lag
+from tssgeom.identify.machine_parts import DRIVE_LAG, drive_lag, presliding
 from tssgeom.identify.machine_problem import FIT, FitState, Problem, fitted_rows
 from tssgeom.identify.machine_run import MachineRun, load_remarks, predicted, thinned, with_drive_known
 from tssgeom.identify.machine_selection import part_step
@@ -63,6 +63,8 @@ def calibrate_machine(
     )
     progress("clock of the drive", 0.6)
     problem, state, notes = _with_drive_lag(problem, state)
+    progress("contacts before they slide", 0.65)
+    problem, state, more = _with_presliding(problem, state)
     if any(run.held_out.any() for run in runs):
         held = cycles_held_out(problem, state)
         progress("fit of all cycles", 0.7)
@@ -71,7 +73,8 @@ def calibrate_machine(
         progress("each run without the others", 0.7)
         held = runs_held_out(problem, state)
     progress("intervals", 0.9)
-    return calibration_of(problem, state, held, (*notes, *(each.text for each in load_remarks(runs, rig))))
+    remarks = (each.text for each in load_remarks(runs, rig))
+    return calibration_of(problem, state, held, (*notes, *more, *remarks))
 
 
 def _with_drive_lag(problem: Problem, state: FitState) -> tuple[Problem, FitState, tuple[str, ...]]:
@@ -92,3 +95,20 @@ def _with_drive_lag(problem: Problem, state: FitState) -> tuple[Problem, FitStat
     runs = tuple(with_drive_known(run, lag) for run in made.problem.runs)
     again = replace(made.problem, runs=runs, rows=fitted_rows(runs, held_out=False))
     return *fitted_again(again, made.state), (f"{note}; a {DRIVE_LAG} in the rig fixes it",)
+
+
+def _with_presliding(problem: Problem, state: FitState) -> tuple[Problem, FitState, tuple[str, ...]]:
+    """Fit what contacts give before they slide too, where it would be taken for pretension, and say so.
+
+    Two tendons that pull against each other feel T_0 μΦ wherever all slides. T_0 and μ show apart only in how
+    tension builds up after a turn, and so do contacts that give way.
+    """
+    parts = presliding(problem.rig, [each.key for each in problem.parameters], problem.runs)
+    base = modelled(problem, state, (), ())
+    step = part_step(base, base, parts, ())
+    if step.chosen is None:
+        return problem, state, ()
+    made = step.chosen.model
+    note = f"contacts give way before they slide, fitted as presliding: ΔBIC {step.chosen.delta_bic:.0f}"
+    note += "; pretension and friction hang on it: measure one of them"
+    return *fitted_again(made.problem, made.state), (note,)

@@ -233,6 +233,14 @@ def drive_lag(rig: Rig, free: Sequence[str], runs: Sequence[MachineRun]) -> Iter
     yield Part("drive_lag", RigNumber(key=DRIVE_LAG), (number,), MEANINGS["drive_lag"])
 
 
+def presliding(rig: Rig, free: Sequence[str], runs: Sequence[MachineRun]) -> tuple[Part, ...]:
+    """Return the part of contacts that give way, where only turns tell the pretension of two tendons."""
+    alone = "tendon.pretension_N" in free and all(run.tendons == 2 for run in runs)
+    if not alone or rig.drive.slack_m > 0.0 or "drive.slack_m" in free:
+        return ()
+    return tuple(part for part in _of_library(rig, free, runs) if part.name == "presliding")
+
+
 def _by_tension(run: MachineRun) -> bool:
     return run.legs is not None and run.drive == "tension_in"
 
