@@ -1,5 +1,6 @@
 """Tables with a row a frame, their points side by side, are read as trackers export them."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -135,3 +136,23 @@ def test_stations_that_count_the_points_name_their_column(tmp_path):
     assert warning == "column 'S' is read as arc length: if it numbers the points, give --map \"S=point\""
     path.write_text("\n".join(["S,x,y,z", *(f"{k + 1},{k},0,0" for k in range(7))]), encoding="utf-8")
     assert open_recording(path, "mm").warnings == ()
+
+
+@pytest.mark.parametrize("word", ["lost", "?"])
+def test_a_sensor_of_which_most_cells_are_words_is_refused_with_line_and_column(tmp_path, word):
+    path = written(tmp_path / "em.csv", "S{point}_{axis}_mm")
+    lines = path.read_text(encoding="utf-8").splitlines()
+    broken = [line.split(",")[:7] + [word] * 3 + line.split(",")[10:] for line in lines[2:]]
+    path.write_text("\n".join([*lines[:2], *map(",".join, broken)]), encoding="utf-8")
+    with pytest.raises(ShapeError, match=re.escape(f"line 3: S3_x_mm is {word!r}, ")) as error:
+        frames_of(path)
+    assert str(error.value).endswith('--map "S3_x_mm=ignore"')
+    assert {len(frame.points) for frame in frames_of(path, None, "S3_x_mm=ignore")} == {4}
+
+
+def test_an_error_of_a_spreadsheet_is_a_lost_sensor(tmp_path):
+    path = written(tmp_path / "em.csv", "S{point}_{axis}_mm")
+    lines = path.read_text(encoding="utf-8").splitlines()
+    broken = [line.split(",")[:7] + ["#DIV/0!"] * 3 + line.split(",")[10:] for line in lines[2:]]
+    path.write_text("\n".join([*lines[:2], *map(",".join, broken)]), encoding="utf-8")
+    assert [np.isnan(frame.points[2]).all() for frame in frames_of(path)] == [False, True, True]

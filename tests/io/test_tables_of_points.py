@@ -272,3 +272,12 @@ def test_a_table_reads_the_same_whether_numpy_pyarrow_or_neither_can_read_it(tmp
         (small.number, *small.values.values()), (large.number, *large.values.values()), strict=True
     ):
         np.testing.assert_array_equal(one, other)
+
+
+def test_a_row_that_begins_with_an_error_of_a_spreadsheet_is_a_missing_point_and_no_comment(tmp_path):
+    path = tmp_path / "route.csv"
+    rows = [f"{10 * k},{k * k},0" for k in range(6)]
+    rows[2] = "#N/A,#N/A,#N/A"
+    path.write_text("\n".join(["x_mm,y_mm,z_mm", *rows]), encoding="utf-8")
+    (frame,) = open_recording(path).frames
+    assert np.isnan(frame.points).all(axis=1).tolist() == [k == 2 for k in range(6)]

@@ -14,7 +14,9 @@ from numpy.typing import NDArray
 from tssgeom.arrays import Vector
 
 Column: TypeAlias = "Vector | list[str]"
-MISSING = frozenset(("", "-", "--", "nan", "null", "na", "n/a", "#n/a", "none", "nil"))
+ERRORS = ("#n/a", "#nv", "#div/0!", "#num!", "#zahl!", "#value!", "#wert!", "#ref!", "#bezug!")
+"""What spreadsheets write where a formula has no value, in English and German."""
+MISSING = frozenset(("", "-", "--", "nan", "null", "na", "n/a", "none", "nil", *ERRORS))
 """Cells that hold no value, in small letters."""
 DAY = 86400.0
 """[s]"""

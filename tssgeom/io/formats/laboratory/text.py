@@ -18,7 +18,7 @@ from tssgeom.errors import ShapeError, SourceError
 from tssgeom.io.formats.laboratory import rows
 from tssgeom.io.formats.laboratory.assembled import finished, table_of
 from tssgeom.io.formats.laboratory.headers import header_of
-from tssgeom.io.formats.laboratory.raw import MISSING, Column, RawTable
+from tssgeom.io.formats.laboratory.raw import ERRORS, MISSING, Column, RawTable
 from tssgeom.io.formats.laboratory.rows import Row, decimal_of, is_data, is_number
 from tssgeom.io.formats.laboratory.trackers import exported_lines
 from tssgeom.io.formats.paths import require_lines, require_room, room
@@ -133,7 +133,8 @@ def _encodings(raw: bytes) -> tuple[str, ...]:
 
 
 def _is_comment(line: str) -> bool:
-    return line.lstrip(' "').startswith(_COMMENTS)
+    text = line.lstrip(' "')
+    return text.startswith(_COMMENTS) and not text.lower().startswith(ERRORS)
 
 
 def _row(number: int, line: str, form: Form) -> Row:

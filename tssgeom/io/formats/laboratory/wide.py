@@ -13,7 +13,8 @@ import numpy as np
 from tssgeom.errors import ShapeError
 from tssgeom.io.formats.columns import AXES, POINT
 from tssgeom.io.formats.laboratory.names import EXACT, FRAME, meaning_of, split_unit
-from tssgeom.io.formats.laboratory.raw import Column, RawTable
+from tssgeom.io.formats.laboratory.raw import MISSING, Column, RawTable
+from tssgeom.io.formats.laboratory.rows import is_number
 from tssgeom.io.formats.laboratory.units import LENGTH, Unit, unit_of
 from tssgeom.io.formats.recording import agreed_unit
 
@@ -97,9 +98,9 @@ def with_row_a_point(
         Where the points have different units, or none at all.
     """
     points = point_columns(table.names, table.units, said)
-    points = {name: at for name, at in points.items() if all(_is_numbers(table, k) for k in at)}
-    if len(points) < FEWEST_POINTS:
+    if sum(all(_is_numbers(table, k) for k in at) for at in points.values()) < FEWEST_POINTS:
         return table
+    _require_numbers(file, table, list(chain(*points.values())))
     unit = _one_unit(file, table, list(chain(*points.values())))
     if not unit:
         some = table.names[points[next(iter(points))][0]]
@@ -128,6 +129,21 @@ def with_row_a_point(
 
 def _is_numbers(table: RawTable, k: int) -> bool:
     return isinstance(table.columns[k], np.ndarray)
+
+
+def _require_numbers(file: Path, table: RawTable, columns: Sequence[int]) -> None:
+    """Refuse a table in which most cells of a coordinate are words: the route would lack that point."""
+    for k in columns:
+        cells = table.columns[k]
+        if isinstance(cells, np.ndarray):
+            continue
+        filled = [row for row, cell in enumerate(cells) if cell.strip().lower() not in MISSING]
+        row = next((row for row in filled if not is_number(cells[row].strip())), filled[0])
+        where, name = f"{table.number_name} {table.number[row]}", table.names[k]
+        raise ShapeError(
+            f"{file}: {where}: {name} is {cells[row]!r}, most of its cells no numbers of this table: "
+            f'leave those of a lost point empty, or the column out by --map "{name}=ignore"'
+        )
 
 
 def _repeated(column: Column, count: int) -> Column:
