@@ -10,6 +10,7 @@ import pytest
 from tssgeom.errors import ShapeError, SourceError
 from tssgeom.io.formats import tables
 from tssgeom.io.formats.files import Recording, open_recording
+from tssgeom.io.formats.laboratory.mapping import ColumnMap
 from tssgeom.stream import Frame, Rejected
 
 ROWS = "0,0,0\n1,0,0\n2,1,0\n3,1,1\n4,2,1\n"
@@ -280,4 +281,38 @@ def test_a_row_that_begins_with_an_error_of_a_spreadsheet_is_a_missing_point_and
     rows[2] = "#N/A,#N/A,#N/A"
     path.write_text("\n".join(["x_mm,y_mm,z_mm", *rows]), encoding="utf-8")
     (frame,) = open_recording(path).frames
+    assert isinstance(frame, Frame)
     assert np.isnan(frame.points).all(axis=1).tolist() == [k == 2 for k in range(6)]
+
+
+def numbers_of_points(recording: Recording) -> list[int]:
+    return [len(frame.points) for frame in recording.frames if isinstance(frame, Frame)]
+
+
+def two_routes(path, doubled=False):
+    """Write frames of five sensors of two instruments, or of one whose second frame was written twice."""
+    rows = [
+        f"{0.5 * frame},{body},{sensor + 1},{10 * sensor + frame},{sensor**2},{shift}"
+        for frame in range(3)
+        for body, shift in (("A", 0), ("A" if doubled else "B", 0 if doubled else 50))
+        for sensor in range(5)
+        if not doubled or shift == 0
+    ]
+    rows = [*dict.fromkeys(rows)]
+    rows[10:10] = rows[5:10] if doubled else []
+    path.write_text("\n".join(["Time,Body,Sensor,x_mm,y_mm,z_mm", *rows]), encoding="utf-8")
+    return path
+
+
+def test_sensors_that_each_frame_has_twice_are_refused_with_the_option_for_the_routes(tmp_path):
+    path = two_routes(tmp_path / "both.csv")
+    with pytest.raises(ShapeError, match=r'2 rows of Sensor 1 at 0 s: .*--map "NAME=recording"'):
+        open_recording(path)
+    one = open_recording(Path(f"{path}#B"), None, ColumnMap(["Body=recording"]))
+    assert numbers_of_points(one) == [5, 5, 5]
+
+
+def test_a_frame_of_sensors_that_was_written_twice_is_read_once(tmp_path):
+    recording = open_recording(two_routes(tmp_path / "one.csv", doubled=True))
+    assert numbers_of_points(recording) == [5, 5, 5]
+    assert "5 doubled rows left out" in recording.notes

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from tssgeom.errors import ShapeError, TssgeomError
-from tssgeom.io.formats.columns import AXES, columns_of
+from tssgeom.io.formats.columns import AXES, POINT, TIME, columns_of
 from tssgeom.io.formats.laboratory.mapping import NO_MAP, ColumnMap
 from tssgeom.io.formats.laboratory.names import EXACT, RECORDING, is_inert, meaning_of
 from tssgeom.io.formats.laboratory.polar import has_size
@@ -157,13 +157,17 @@ def _counted_stations(table: Table, rows: Rows, names: Mapping[str, str]) -> tup
 
 
 def _without_doubled(table: Table) -> tuple[Table, tuple[str, ...]]:
-    """Leave out rows that repeat the one before them to the last digit, where the points are numbered."""
+    """Leave out rows that repeat another to the last digit, where the points are numbered."""
     if not table.columns.numbered or table.faults or len(table) < 2:
         return table, ()
-    same = np.all([values[1:] == values[:-1] for values in table.values.values()], axis=0)
+    time = [table.values[TIME]] if table.columns.timed else []
+    order = np.lexsort((table.values[POINT], *time))  # a row and its double follow each other
+    before, after = order[:-1], order[1:]
+    same = np.all([values[after] == values[before] for values in table.values.values()], axis=0)
     if not same.any():
         return table, ()
-    kept = np.concatenate(([True], ~same))
+    kept = np.ones(len(table), bool)
+    kept[after[same]] = False
     values = {name: column[kept] for name, column in table.values.items()}
     return replace(table, values=values, number=table.number[kept]), (
         f"{int(same.sum())} doubled rows left out",

@@ -80,7 +80,9 @@ _RECORDINGS = _set(
     "run trial recording rec experiment session test case subject versuch messung repeat repetition"
 )
 _ORDERS = _set("point order index idx seq sequence node")
-_LABELS = _set("marker id label name nr no number nummer tracker tag markerid tool port handle coil probe")
+_LABELS = _set(
+    "marker id label name nr no number nummer tracker tag markerid tool port handle coil probe sensor"
+)
 _MOTORS = _set("motor drive actuator servo spindle antrieb pulley")
 _JOINTS = _set("joint wrist hinge gelenk")
 _OF_MACHINES = {

@@ -80,7 +80,7 @@ def laboratory_table(path: Path, columns: ColumnMap = NO_MAP, unit: str | None =
     faults = {k: table.faults[row] for k, row in enumerate(rows.tolist()) if row in table.faults}
     warnings = [*result.warnings]
     if result.is_points:
-        values = _numbered(values, result, rows, notes, warnings)
+        values = _numbered(file, values, result, rows, notes, warnings)
     taken = {*result.suggested, *result.values}
     return LaboratoryTable(
         values,
@@ -151,6 +151,7 @@ def parts_of(file: Path, columns: ColumnMap, unit: str | None) -> list[str]:
 
 
 def _numbered(
+    file: Path,
     values: Mapping[str, Vector],
     result: Resolved,
     rows: NDArray[np.int64],
@@ -176,8 +177,29 @@ def _numbered(
             values[POINT] = numbers[rows]
             notes.append(f"markers in the order of {name}")
         elif len({*map(str, labels)}) > 1:
+            _require_one_route(file, name, [*map(_word, np.asarray(labels)[rows].tolist())], values)
             notes.append(f"markers in the order of the rows, not of {name}")
     return values
+
+
+def _word(label: str | float) -> str:
+    return label if isinstance(label, str) else f"{label:g}"
+
+
+def _require_one_route(file: Path, name: str, labels: Sequence[str], values: Mapping[str, Vector]) -> None:
+    """Refuse a recording whose frames have each marker several times: they hold several routes."""
+    if TIME not in values:
+        return
+    time = values[TIME]
+    first = np.flatnonzero(time == time[0])
+    own = [labels[row] for row in first.tolist()]
+    number = len(set(own))
+    if number < FEWEST_POINTS or len(own) % number or any(own.count(label) == 1 for label in own):
+        return
+    raise ShapeError(
+        f"{file}: {len(own) // number} rows of {name} {own[0]} at {time[0]:g} s: the column that "
+        'distinguishes the routes is stated by --map "NAME=recording"'
+    )
 
 
 def _is_an_order(numbers: Vector, values: Mapping[str, Vector]) -> bool:
