@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from tssgeom.errors import SourceError
+from tssgeom.errors import ShapeError, SourceError
+from tssgeom.io.formats.files import open_recording
 from tssgeom.io.formats.laboratory.matlab import matlab_variables
 
 NESTED = {
@@ -74,3 +75,10 @@ def test_an_array_cut_anywhere_is_refused(tmp_path):
         (tmp_path / "cut.mat").write_bytes(whole[:end])
         with pytest.raises(ValueError, match="cut short"):
             matlab_variables(tmp_path / "cut.mat")
+
+
+def test_two_arrays_that_may_each_be_the_points_are_refused_by_name(tmp_path):
+    points = np.cumsum(np.ones((5, 3)), axis=0)
+    savemat(tmp_path / "two.mat", {"left": points, "right": 2.0 * points, "turn": np.eye(3)})
+    with pytest.raises(ShapeError, match="left, right may each be the points: save one of them"):
+        open_recording(tmp_path / "two.mat", "mm")

@@ -168,6 +168,11 @@ def _matlab(path: Path) -> list[RawTable]:
     }
     names = next((_words(held[key]) for key in held if key.lower() in _NAMES_OF_COLUMNS), ())
     stated = next((held[key] for key in held if key.lower() in _UNITS_OF_COLUMNS), ())
+    alike = [
+        name for name, array in arrays.items() if array.ndim == 2 and 3 in array.shape and array.size > 9
+    ]
+    if len({arrays[name].shape for name in alike}) < len(alike):
+        raise ShapeError(f"{path}: {', '.join(alike)} may each be the points: save one of them")
     for array in sorted(arrays.values(), key=lambda each: -each.size):
         if array.ndim == 3 or (array.ndim == 2 and min(array.shape) > 1):
             table = _of_matrix(path, array, names if array.shape[-1] == len(names) else (), _words(stated))
