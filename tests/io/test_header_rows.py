@@ -210,3 +210,32 @@ def test_header_rows_that_name_a_column_twice_are_refused_with_what_to_write(tmp
     rows = [",".join([f"{f:g}", *row]) for f, row in enumerate(cells(POINTS))]
     with pytest.raises(ShapeError, match="2 header rows, and 'x' is there twice: write one row of names"):
         open_recording(written(tmp_path / "frame.csv", head, rows), "mm")
+
+
+@pytest.mark.parametrize(
+    "comment", ["# units: cm", "# Unit = cm", "% coordinates in cm", "# unit of length (cm)", "# Units cm"]
+)
+@pytest.mark.parametrize("unit", [None, "mm"])
+def test_a_unit_in_a_comment_is_that_of_the_coordinates(tmp_path, comment, unit):
+    path = written(
+        tmp_path / "a.csv", [comment, "x,y,z"], [",".join(row[:3]) for row in cells(POINTS[:, :1])]
+    )
+    recording = open_recording(path, unit=unit)
+    (frame,) = frames_of(recording)
+    np.testing.assert_allclose(frame.points, POINTS[:, 0] / 100.0)
+    assert any("a comment states cm" in note for note in recording.notes)
+
+
+def test_a_unit_in_a_comment_that_contradicts_the_option_is_refused(tmp_path):
+    path = written(
+        tmp_path / "a.csv", ["# units: m", "x,y,z"], [",".join(row) for row in cells(POINTS[:, :1])]
+    )
+    with pytest.raises(ShapeError, match="--unit says mm"):
+        open_recording(path, unit="mm")
+
+
+@pytest.mark.parametrize("comment", ["# unit 4 of the tracker", "# units: see the manual", "# time unit: s"])
+def test_words_of_a_comment_that_state_no_length_are_no_unit(tmp_path, comment):
+    path = written(tmp_path / "a.csv", [comment, "x,y,z"], [",".join(row) for row in cells(POINTS[:, :1])])
+    (frame,) = frames_of(open_recording(path, unit="mm"))
+    np.testing.assert_allclose(frame.points, POINTS[:, 0] / 1000.0)

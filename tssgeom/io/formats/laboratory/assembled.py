@@ -70,4 +70,17 @@ def table_of(
 def finished(table: RawTable, header: Header) -> RawTable:
     """Return a table with what its header says beyond names and units."""
     table = replace(table, notes=(*table.notes, *header.notes), header_rows=header.naming)
-    return table if header.export is None else only_read(table, header.export)
+    if header.export is not None:
+        return only_read(table, header.export)
+    if not header.length or table.units:
+        return table
+    return replace(
+        with_length_unit(table, header.length), notes=(*table.notes, f"a comment states {header.length}")
+    )
+
+
+def with_length_unit(table: RawTable, stated: str) -> RawTable:
+    """Return a table without units whose coordinates are in one that is stated for all."""
+    names = table.names if table.headed else ("x", "y", "z") if len(table.names) == 3 else table.names
+    units = tuple(stated if name in ("x", "y", "z") else "" for name in names)
+    return replace(table, names=names, units=units)

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from tssgeom.errors import ShapeError, SourceError, first_line
-from tssgeom.io.formats.laboratory.assembled import table_of
+from tssgeom.io.formats.laboratory.assembled import table_of, with_length_unit
 from tssgeom.io.formats.laboratory.matlab import matlab_variables
 from tssgeom.io.formats.laboratory.raw import Column, RawTable
 from tssgeom.io.formats.laboratory.rows import Row, column_of, decimal_of, is_data
@@ -194,11 +194,7 @@ def _words(value: Any) -> tuple[str, ...]:
 
 def _with_length_unit(table: RawTable, stated: Any) -> RawTable:
     """Return a table whose coordinates are in the one unit that a variable `unit` states."""
-    if not isinstance(stated, str) or table.units:
-        return table
-    names = table.names if table.headed else ("x", "y", "z") if len(table.names) == 3 else table.names
-    units = tuple(stated if name in ("x", "y", "z") else "" for name in names)
-    return RawTable(names, table.columns, units, table.number)
+    return with_length_unit(table, stated) if isinstance(stated, str) and not table.units else table
 
 
 def _feather(path: Path) -> list[RawTable]:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from tssgeom.io.formats.laboratory.rows import Row, is_data
 from tssgeom.io.formats.laboratory.trackers import Export, export_of, filled, padded, rows_of_header
-from tssgeom.io.formats.laboratory.units import unit_of
+from tssgeom.io.formats.laboratory.units import LENGTH, unit_of
 
 _UNITLESS = frozenset(("", "-", "1", "--", "none"))
 _UNNAMED = re.compile(r"Unnamed: \d+(_level_\d+)?")
@@ -33,6 +33,13 @@ class Header(NamedTuple):
     """How it was read."""
     export: Export | None = None
     """The columns that are read, of a file that the program of a tracker wrote."""
+    length: str = ""
+    """Unit of length that a comment states; empty where none does."""
+
+
+_STATED = re.compile(
+    r"(?:\bunits?\b(?: of length)?|\b(?:coordinates|positions|points) in\b)[\s:=(\[]*(\S+?)[)\].;]*", re.I
+)
 
 
 def header_of(path: Path, rows: Sequence[Row], count: int) -> Header:
@@ -43,6 +50,14 @@ def header_of(path: Path, rows: Sequence[Row], count: int) -> Header:
     ShapeError
         Where the program of a tracker wrote the file and no points are in it.
     """
+    header = _header_of(path, rows, count)
+    comments = (" ".join(row.cells) for row in rows[: header.first] if row.comment)
+    stated = (match[1] for text in comments if (match := _STATED.fullmatch(text)))
+    lengths = (word for word in stated if (unit := unit_of(word)) is not None and unit.quantity == LENGTH)
+    return header._replace(length=next(lengths, ""))
+
+
+def _header_of(path: Path, rows: Sequence[Row], count: int) -> Header:
     certain = rows_of_header([row.cells for row in rows])
     first = next(
         (

@@ -142,7 +142,7 @@ def _row(number: int, line: str, form: Form) -> Row:
     if _is_comment(line):
         text = line.lstrip(' "').lstrip("".join(_COMMENTS)).strip()
         candidates = (_split(text, separator) for separator in (form.separator, *_SEPARATORS))
-        return Row(number, next((cells for cells in candidates if len(cells) == form.count), []), True)
+        return Row(number, next((cells for cells in candidates if len(cells) == form.count), [text]), True)
     cells = _split(line, form.separator)
     if len(cells) == form.count + 1 and not cells[-1]:
         cells.pop()
