@@ -234,6 +234,24 @@ def test_a_unit_in_a_comment_that_contradicts_the_option_is_refused(tmp_path):
         open_recording(path, unit="mm")
 
 
+def test_points_whose_names_are_sorted_as_words_are_in_the_order_of_their_numbers(tmp_path):
+    points = np.array([[10.0 * k, k * k, 5.0] for k in range(12)])
+    order = sorted(range(12), key=lambda k: f"S{k + 1}")
+    head = ",".join(f"S{k + 1}_{axis}_mm" for k in order for axis in "xyz")
+    rows = [",".join(f"{value:g}" for value in points[order].ravel())] * 2
+    for frame in frames_of(open_recording(written(tmp_path / "a.csv", [head], rows))):
+        np.testing.assert_allclose(frame.points, points / 1000.0)
+
+
+def test_points_in_another_order_stay_as_the_table_has_them(tmp_path):
+    order = [4, 0, 2, 1, 3]
+    head = ",".join(f"S{k + 1}_{axis}_mm" for k in order for axis in "xyz")
+    (frame,) = frames_of(
+        open_recording(written(tmp_path / "a.csv", [head], [",".join(cells(POINTS[:1])[0])]))
+    )
+    np.testing.assert_allclose(frame.points, POINTS[0] / 1000.0)
+
+
 @pytest.mark.parametrize("comment", ["# unit 4 of the tracker", "# units: see the manual", "# time unit: s"])
 def test_words_of_a_comment_that_state_no_length_are_no_unit(tmp_path, comment):
     path = written(tmp_path / "a.csv", [comment, "x,y,z"], [",".join(row) for row in cells(POINTS[:, :1])])

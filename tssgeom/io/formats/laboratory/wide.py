@@ -33,7 +33,9 @@ _NO_POSITION = re.compile(
 def point_columns(
     names: Sequence[str], units: Sequence[str] = (), besides: Collection[str] = ()
 ) -> dict[str, tuple[int, int, int]]:
-    """Return the columns of x, y and z of each point, by its name and in the order of the table.
+    """Return the columns of x, y and z of each point, by its name and in the order of the route.
+
+    That is the order of the table, and that of numbers where the table has their names sorted as words.
 
     Parameters
     ----------
@@ -58,7 +60,16 @@ def point_columns(
         for point, columns in vectors.items()
         if {*columns} == {*AXES} and not _NO_POSITION.fullmatch(point.lower())
     }
-    return points if len(points) >= FEWEST_POINTS else {}
+    return _by_number(points) if len(points) >= FEWEST_POINTS else {}
+
+
+def _by_number(points: dict[str, tuple[int, int, int]]) -> dict[str, tuple[int, int, int]]:
+    """Return points by their numbers where a program sorted the names as words: S1, S10, S2."""
+    matches = [re.fullmatch(r"(.*?)(\d+)(\D*)", name) for name in points]
+    alike = {(match[1], match[3]) if match else None for match in matches}
+    if None in alike or len(alike) > 1 or [*points] != sorted(points):
+        return points
+    return dict(sorted(points.items(), key=lambda point: int(re.findall(r"\d+", point[0])[-1])))
 
 
 def _numbered(names: Sequence[str]) -> dict[str, tuple[str, str]]:
