@@ -67,9 +67,9 @@ def bench(distance):
 
 def test_what_contacts_give_is_not_taken_for_pretension_and_friction():
     rig, runs, uncertain = bench(2e-5)
-    found = calibrate_machine(runs, rig, uncertain)
-    assert any("fitted as presliding" in each for each in found.warnings)
-    estimates = {each.key: each for each in found.estimates}
+    fitted = calibrate_machine(runs, rig, uncertain)
+    assert any("fitted as presliding" in each for each in fitted.warnings)
+    estimates = {each.key: each for each in fitted.estimates}
     truth = {
         PRETENSION: rig.tendon.pretension_N,
         FRICTION: rig.friction.coefficient,
@@ -78,14 +78,14 @@ def test_what_contacts_give_is_not_taken_for_pretension_and_friction():
     for key, value in truth.items():
         each = estimates[key]
         assert each.low < value < each.high, each
-    assert found.failures == ()
+    assert fitted.failures == ()
 
 
 def test_contacts_that_give_nothing_leave_a_calibration_as_it_was():
     rig, runs, uncertain = bench(5e-8)
-    found = calibrate_machine(runs, rig, uncertain)
-    assert found.rig.effects == ()
-    assert found.warnings == ()
+    fitted = calibrate_machine(runs, rig, uncertain)
+    assert fitted.rig.effects == ()
+    assert fitted.warnings == ()
 
 
 def test_presliding_of_a_pair_is_named_though_its_pretension_is_unknown():

@@ -234,7 +234,7 @@ def drive_lag(rig: Rig, free: Sequence[str], runs: Sequence[MachineRun]) -> Iter
 
 
 def presliding(rig: Rig, free: Sequence[str], runs: Sequence[MachineRun]) -> tuple[Part, ...]:
-    """Return the part of contacts that give way, where only turns tell the pretension of two tendons."""
+    """Return the part of contacts that give way, where only turns show the pretension of two tendons."""
     alone = "tendon.pretension_N" in free and all(run.tendons == 2 for run in runs)
     if not alone or rig.drive.slack_m > 0.0 or "drive.slack_m" in free:
         return ()
