@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tests.bristle import laws, sensors
-from tests.bristle.chain import Build, Chain, Table, linear
+from tests.bristle.chain import Bristles, Build, Chain, Table, linear
 from tests.bristle.laws import Acts
 from tests.bristle.rig import stride
 from tests.bristle.sheath import Sheath, random_sheath, sensed
@@ -78,6 +78,7 @@ class Pair:
     """Of the joint [rad]."""
     joint_friction: float = 0.0
     """[N m]"""
+    bristles: Bristles = field(default_factory=Bristles)
     acts: dict[str, Any] = field(default_factory=dict)
     readings: dict[str, Callable[[Array, Array], Array]] = field(default_factory=dict)
     parameters: dict[str, float] = field(default_factory=dict)
@@ -92,6 +93,7 @@ class Pair:
             strain=linear(self.compliance),
             pretension=self.pretension,
             load=Table(np.array([0.0, 1.0]), np.array([0.0, rise])),
+            bristles=self.bristles,
             load_friction=self.joint_friction / self.arm,
         )
         return Chain(build)

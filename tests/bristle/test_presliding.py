@@ -4,27 +4,21 @@ import msgspec
 import numpy as np
 import pytest
 
-from tests.bristle.chain import Bristles, Build, Chain, Table, linear
+from tests.bristle.chain import Bristles
 from tests.bristle.laws import Acts
-from tests.bristle.machine import random_pair
+from tests.bristle.machine import run_pair
 from tests.bristle.rig import Rig as BristleRig
 from tests.bristle.rig import run
 from tests.bristle.sheath import random_sheath
+from tests.pairs_of_bristles import arcs_of, pair_that_gives, rig_of
 from tssgeom.effects import Presliding
-from tssgeom.mechanism import Drive, End
 from tssgeom.rig import Friction, Load, Rig, Tendon
-from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.bars.model import predict
 from tssgeom.tendon.machine import machine_of
 from tssgeom.tendon.machine_simulation import simulate_machine
 
 TIME = np.linspace(0.0, 20.0, 401)
 STROKE = 0.0036 * (1.0 - np.cos(2.0 * np.pi * TIME / 8.0)) * (1.0 + 0.3 * np.sin(TIME))
-
-
-def arcs_of(sheath):
-    edge = np.linspace(0.0, sheath.length, 61)
-    return Arcs.exact(np.diff(edge), np.diff(np.interp(edge, sheath.s, sheath.angle)))
 
 
 def off(channel, read, true):
@@ -51,35 +45,17 @@ def test_a_tendon_is_that_of_bristles(distance, without):
 
 
 def test_a_pair_on_a_joint_is_that_of_bristles():
-    rng, distance = np.random.default_rng([0, 77]), 5e-5
-    pair = random_pair(rng)
-    sheath, rise = pair.sheaths[0], pair.stiffness / pair.arm**2
-    build = Build(
-        sheaths=[sheath, sheath],
-        friction=pair.friction,
-        strain=linear(pair.compliance),
-        pretension=pair.pretension,
-        load=Table(np.array([0.0, 1.0]), np.array([0.0, rise])),
-        bristles=Bristles(breakaway_m=(distance,)),
-    )
-    chain, time, angles, torques = Chain(build), np.arange(1, 201) / 20.0, [], []
+    distance = 5e-5
+    pair = pair_that_gives(distance, np.random.default_rng([0, 77]))
+    sheath, time = pair.sheaths[0], np.arange(1, 201) / 20.0
     motor = 0.5 * np.sin(time) * (1.0 - np.exp(-time))
-    for angle in motor:
-        chain.advance(pair.pulley * angle, 0.05, far=pair.pulley * angle)
-        angles.append(chain.load_move / pair.arm)
-        torques.append(pair.pulley * (chain.tension_in - chain.tension_far))
-    rig = Rig(
-        tendon=Tendon(pretension_N=pair.pretension, compliance_per_N=pair.compliance),
-        friction=Friction(coefficient=pair.friction),
-        drive=Drive(kind="pair", radius_m=pair.pulley),
-        end=End(kind="joint", radius_m=pair.arm, stiffness_Nm_per_rad=pair.stiffness),
-    )
+    true, rig = run_pair(pair, sheath, time, motor), rig_of(pair)
     given = {"time_s": time, "motor_angle_rad": motor}
     base, full = (
         simulate_machine(machine_of(msgspec.structs.replace(rig, effects=effects), [arcs_of(sheath)]), given)
         for effects in ((), (Presliding(distance_m=distance),))
     )
-    assert off("joint_angle_rad", base, angles) > 1e-3
-    assert off("joint_angle_rad", full, angles) < 3e-5
-    assert off("motor_torque_Nm", full, torques) < 3e-4
-    assert off("motor_torque_Nm", base, torques) > 3e-3
+    assert off("joint_angle_rad", base, true["joint_angle"]) > 1e-3
+    assert off("joint_angle_rad", full, true["joint_angle"]) < 3e-5
+    assert off("motor_torque_Nm", full, true["motor_torque"]) < 3e-4
+    assert off("motor_torque_Nm", base, true["motor_torque"]) > 3e-3

@@ -5,16 +5,13 @@ from functools import cache
 import numpy as np
 import pytest
 
-from tests.bristle.chain import Bristles, Build, Chain, Table, linear
-from tests.bristle.machine import random_pair
+from tests.bristle.machine import run_pair
+from tests.pairs_of_bristles import arcs_of, pair_that_gives, rig_of
 from tssgeom.effects import Presliding
 from tssgeom.identify.machine_calibration import calibrate_machine
 from tssgeom.identify.machine_discovery import discover_machine
 from tssgeom.identify.machine_finding import MachineCampaign
 from tssgeom.identify.machine_run import machine_run
-from tssgeom.mechanism import Drive, End
-from tssgeom.rig import Friction, Rig, Tendon
-from tssgeom.route.pieces import Arcs
 from tssgeom.uncertain import UNKNOWNS, Uncertain
 
 PRETENSION, FRICTION = "tendon.pretension_N", "friction.coefficient"
@@ -26,38 +23,17 @@ NOISE = {"joint_angle_rad": 3e-4, "motor_torque_Nm": 1e-3}
 def bench(distance):
     """The rig with all that is true of it, and three runs; `distance` is what contacts give [m]."""
     rng = np.random.default_rng([1, 77])
-    pair = random_pair(rng)
-    sheath, runs = pair.sheaths[0], []
-    edge = np.linspace(0.0, sheath.length, 61)
-    arcs = Arcs.exact(np.diff(edge), np.diff(np.interp(edge, sheath.s, sheath.angle)))
-    rig = Rig(
-        tendon=Tendon(pretension_N=pair.pretension, compliance_per_N=pair.compliance),
-        friction=Friction(coefficient=pair.friction),
-        drive=Drive(kind="pair", radius_m=pair.pulley),
-        end=End(kind="joint", radius_m=pair.arm, stiffness_Nm_per_rad=pair.stiffness),
-    )
-    spring = Table(np.array([0.0, 1.0]), np.array([0.0, pair.stiffness / pair.arm**2]))
+    pair = pair_that_gives(distance, rng)
+    rig, sheath, runs = rig_of(pair), pair.sheaths[0], []
     for k, reach in enumerate((0.6, 0.8, 0.7)):
-        bristles = Bristles(breakaway_m=(distance,))
-        build = Build(
-            sheaths=[sheath, sheath],
-            friction=pair.friction,
-            strain=linear(pair.compliance),
-            pretension=pair.pretension,
-            load=spring,
-            bristles=bristles,
-        )
-        chain, rows = Chain(build), []
         motor = reach * np.sin((1.0 + 0.2 * k) * TIME) * (0.7 + 0.3 * np.cos(0.31 * TIME))
-        for angle in motor:
-            chain.advance(pair.pulley * angle, 0.05, far=pair.pulley * angle)
-            rows.append((chain.load_move / pair.arm, pair.pulley * (chain.tension_in - chain.tension_far)))
+        true = run_pair(pair, sheath, TIME, motor)
         read = {
-            name: np.array(column) + rng.normal(0.0, NOISE[name], len(TIME))
-            for name, column in zip(NOISE, zip(*rows, strict=True), strict=True)
+            name: true[name.rpartition("_")[0]] + rng.normal(0.0, noise, len(TIME))
+            for name, noise in NOISE.items()
         }
         run = {"time_s": TIME, "motor_angle_rad": motor} | read
-        runs.append(machine_run(f"run {k}", run, [arcs], rig))
+        runs.append(machine_run(f"run {k}", run, [arcs_of(sheath)], rig))
     return (
         rig,
         tuple(runs),

@@ -6,7 +6,7 @@ Source: docs/model.md (179)-(183).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 
@@ -16,10 +16,10 @@ from tssgeom.identify.machine_evidence import modelled
 from tssgeom.identify.machine_fit import fit_from, fitted_again, start_of
 from tssgeom.identify.machine_held_out import cycles_held_out, runs_held_out
 from tssgeom.identify.machine_parameters import parameters_of
-from tssgeom.identify.machine_parts import DRIVE_LAG, drive_lag, presliding
+from tssgeom.identify.machine_parts import DRIVE_LAG, Part, drive_lag, presliding
 from tssgeom.identify.machine_problem import FIT, FitState, Problem, fitted_rows
 from tssgeom.identify.machine_run import MachineRun, load_remarks, predicted, thinned, with_drive_known
-from tssgeom.identify.machine_selection import part_step
+from tssgeom.identify.machine_selection import TriedPart, part_step
 from tssgeom.rig import Rig
 from tssgeom.uncertain import Uncertain
 
@@ -79,17 +79,14 @@ def calibrate_machine(
 
 def _with_drive_lag(problem: Problem, state: FitState) -> tuple[Problem, FitState, tuple[str, ...]]:
     """Fit the lag of the drive too where evidence and held-out cycles ask for it, and say so."""
-    free = [each.key for each in problem.parameters]
-    parts = tuple(drive_lag(problem.rig, free, problem.runs))
-    base = modelled(problem, state, (), ())
-    step = part_step(base, base, parts, ())
-    if step.chosen is None:
+    chosen = _asked_for(problem, state, drive_lag)
+    if chosen is None:
         return problem, state, ()
-    made, ratio = step.chosen.model, step.chosen.held_ratio
+    made, ratio = chosen.model, chosen.held_ratio
     lag = made.rig.drive.lag_s
     note = (
         f"the drive is recorded {abs(lag):.3g} s {'later' if lag > 0.0 else 'earlier'} than what answers, "
-        f"fitted as {DRIVE_LAG}: ΔBIC {step.chosen.delta_bic:.0f}"
+        f"fitted as {DRIVE_LAG}: ΔBIC {chosen.delta_bic:.0f}"
     )
     note += "" if math.isnan(ratio) else f", {ratio:.2g} of the rms on held-out cycles"
     runs = tuple(with_drive_known(run, lag) for run in made.problem.runs)
@@ -103,12 +100,22 @@ def _with_presliding(problem: Problem, state: FitState) -> tuple[Problem, FitSta
     Two tendons that pull against each other feel T_0 μΦ wherever all slides. T_0 and μ show apart only in how
     tension builds up after a turn, and so do contacts that give way.
     """
-    parts = presliding(problem.rig, [each.key for each in problem.parameters], problem.runs)
-    base = modelled(problem, state, (), ())
-    step = part_step(base, base, parts, ())
-    if step.chosen is None:
+    chosen = _asked_for(problem, state, presliding)
+    if chosen is None:
         return problem, state, ()
-    made = step.chosen.model
-    note = f"contacts give way before they slide, fitted as presliding: ΔBIC {step.chosen.delta_bic:.0f}"
+    note = f"contacts give way before they slide, fitted as presliding: ΔBIC {chosen.delta_bic:.0f}"
     note += "; pretension and friction hang on it: measure one of them"
-    return *fitted_again(made.problem, made.state), (note,)
+    return *fitted_again(chosen.model.problem, chosen.model.state), (note,)
+
+
+def _asked_for(
+    problem: Problem,
+    state: FitState,
+    parts_of: Callable[[Rig, Sequence[str], Sequence[MachineRun]], Iterable[Part]],
+) -> TriedPart | None:
+    """Return the part that evidence and held-out cycles ask for, if any, with its fit."""
+    parts = tuple(parts_of(problem.rig, [each.key for each in problem.parameters], problem.runs))
+    if not parts:
+        return None
+    base = modelled(problem, state, (), ())
+    return part_step(base, base, parts, ()).chosen
