@@ -37,7 +37,6 @@ _TARGETS = ("displacement_out_m", "tension_out_N")
 
 
 def compensate(
-    shapes: Shapes,
     target: Annotated[
         Path,
         typer.Option(
@@ -46,6 +45,7 @@ def compensate(
         ),
     ],
     out: Annotated[Path, typer.Option("--out", help="Folder for compensate.parquet.")],
+    shapes: Shapes = None,
     rig: RigFile = None,
     tolerance_mm: ToleranceMm = None,
     policy: PolicyChoice = "cross",

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def simulate_machine(
-    shapes: Path,
+    shapes: Path | None,
     drive: Path,
     out: Path,
     settings: RunSettings,
@@ -55,7 +55,7 @@ def simulate_machine(
 
 
 def compensate_machine(
-    shapes: Path,
+    shapes: Path | None,
     target: Path,
     out: Path,
     settings: RunSettings,
@@ -93,7 +93,7 @@ def compensate_machine(
     return 1 if sensed.rejected or done.warnings else 0
 
 
-def _machine(shapes: Path, sensed: SensedRoute, settings: RunSettings) -> Machine:
+def _machine(shapes: Path | None, sensed: SensedRoute, settings: RunSettings) -> Machine:
     """Return the rig on a shape, the same for all tendons; of a recording on its first one."""
     from tssgeom.api.machine_calls import machine_on
 

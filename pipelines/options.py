@@ -16,7 +16,10 @@ Inputs = Annotated[
     list[Path], typer.Argument(help="Files or folders of shapes and recordings.", readable=False)
 ]
 """The command itself checks whether each can be read, so that one unreadable file leaves the others alone."""
-Shapes = Annotated[Path, typer.Argument(help="A shape, or a recording of a route that moves.")]
+Shapes = Annotated[
+    Path | None,
+    typer.Argument(help="A shape, or a recording of a route that moves; left out, the even bend of the rig."),
+]
 RigFile = Annotated[Path | None, typer.Option("--rig", help="Rig file (TOML); the paper's rig by default.")]
 TensionIn = Annotated[
     float | None,

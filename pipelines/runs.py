@@ -13,10 +13,12 @@ import numpy as np
 from pipelines.figures import write_figures
 from pipelines.inputs import RunSettings, opened, print_reading, rejection_lines
 from pipelines.terminal import counted_progress, print_message
+from tssgeom.analysis import even_bend
 from tssgeom.api.inputs import sensed_frames
 from tssgeom.arrays import Vector
 from tssgeom.effects import named
 from tssgeom.errors import TssgeomError
+from tssgeom.identify.machine_run import route_of_rig
 from tssgeom.io.formats.columns import CHANNELS
 from tssgeom.io.formats.paths import stem
 from tssgeom.io.formats.runs import MeasuredRun, read_run
@@ -132,14 +134,20 @@ def warn_about_strain(run: Path, sensed: SensedRoute, rig: Rig, tension_in: floa
         print_message(f"{run}: warning: {each.text}")
 
 
-def sensed_route(path: Path, settings: RunSettings) -> SensedRoute:
+def sensed_route(path: Path | None, settings: RunSettings) -> SensedRoute:
     """Fit the route of every frame of a file, and print the reasons of those that are rejected.
+
+    Where there is no file the route is the even bend that the rig gives.
 
     Raises
     ------
     ShapeError, SourceError
         Where the file cannot be used, or none of its frames.
+    SettingsError
+        Where there is neither file nor a route in the rig.
     """
+    if path is None:
+        return SensedRoute("route", [even_bend(route_of_rig(settings.rig))], 0)
     sensed = sensed_frames(opened(path, settings), settings.rig)
     for line in rejection_lines(str(path), sensed.rejected, len(sensed.rejected)):
         print_message(line)
@@ -147,7 +155,7 @@ def sensed_route(path: Path, settings: RunSettings) -> SensedRoute:
 
 
 def computed_rows(
-    rows: Iterable[Row], run: MeasuredRun, shapes: Path, title: str, *, quiet: bool
+    rows: Iterable[Row], run: MeasuredRun, shapes: Path | None, title: str, *, quiet: bool
 ) -> list[Row]:
     """Compute row after row of a run, with progress; errors name the run and the shape."""
     computed = list[Row]()

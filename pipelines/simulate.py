@@ -28,7 +28,6 @@ _COLUMNS = ("phase", "rows", "T_in\n[N]", "T_out\n[N]", "δ\n[mm]", "x_out\n[mm]
 
 
 def simulate(
-    shapes: Shapes,
     drive: Annotated[
         Path,
         typer.Option(
@@ -37,6 +36,7 @@ def simulate(
         ),
     ],
     out: Annotated[Path, typer.Option("--out", help="Folder for simulate.parquet and simulate.rrd.")],
+    shapes: Shapes = None,
     rig: RigFile = None,
     unit: Unit = None,
     columns: Map = None,

@@ -32,7 +32,7 @@ _REPORTED = 500  # rows between two reports of the progress; chosen: half a seco
 
 
 def simulate_adapt(
-    shapes: Path,
+    shapes: Path | None,
     drive: Path,
     out: Path,
     settings: RunSettings,
@@ -200,7 +200,7 @@ def _said(sentence: str) -> str:
     return sentence or "the run ended before mechanisms were compared"
 
 
-def _write_rig(path: Path, drive: Path, shapes: Path, followed: FollowedRun) -> None:
+def _write_rig(path: Path, drive: Path, shapes: Path | None, followed: FollowedRun) -> None:
     from tssgeom.io.results.run_record import sha256_of
     from tssgeom.rig import write_rig
 
@@ -209,7 +209,7 @@ def _write_rig(path: Path, drive: Path, shapes: Path, followed: FollowedRun) -> 
     lines = [
         f"Followed by tssgeom {tssgeom_version()} simulate --adapt, as it is at {followed.time[-1]:g} s.",
         f"Run {drive.name}, SHA-256 {sha256_of(drive)}",
-        f"Shape {shapes.name}, SHA-256 {sha256_of(shapes)}",
+        "Shape of the rig" if shapes is None else f"Shape {shapes.name}, SHA-256 {sha256_of(shapes)}",
         "Followed numbers with 95 % intervals:",
         *(f"  {key}: {value:.6g} ± {NORMAL_95 * se:.2g}" for key, value, se in values),
         *(

@@ -11,11 +11,17 @@ import numpy as np
 from tssgeom.arrays import Points, Vector, read_only
 from tssgeom.frame import fit_frame
 from tssgeom.rig import Rig
+from tssgeom.route.pieces import Arcs
 from tssgeom.sensed_route import SensedRoute, sensed_route
 from tssgeom.stream import Frame, FrameResult, at_rest, pulled
 
 if TYPE_CHECKING:
     from tssgeom.route.repeated import Repeated
+
+_A_RADIAN, _LEAST = 20, 60
+"""Points of an even bend a radian, and the least number of them; chosen: a spline follows it to 1e-7 rad."""
+_RISE = 0.1
+"""Slope of the helix of an even bend of more than a whole turn [1]; chosen: its turns lie side by side."""
 
 
 def analyse(
@@ -42,6 +48,29 @@ def analyse(
         frame = Frame(read_only(np.array(points, dtype=np.float64)), stations=stations)
     chosen = Rig() if rig is None else rig
     return pulled(0, frame, at_rest(chosen), chosen, tension_in, sensed_route(frame, chosen))
+
+
+def even_bend(arcs: Arcs) -> FrameResult:
+    """Return a route of one piece that nobody sensed, on a circle, or on a helix where it turns further.
+
+    The tendon in it is at rest; its curve angle is known without error.
+    """
+    length, angle = arcs.total_length, arcs.total_angle
+    rise = _RISE if angle > 2.0 * np.pi else 0.0
+    across = np.sqrt(1.0 - rise**2)
+    share = np.linspace(0.0, 1.0, max(_LEAST, int(_A_RADIAN * angle)))
+    turned = angle / across * share
+    flat = np.column_stack((np.sinc(turned / np.pi) * share, _versine(turned) * share))
+    points = np.column_stack((across * flat, rise * share))
+    frame = Frame(read_only(length * points), length=length, source="markers")
+    result = analyse(frame, tension_in=0.0)
+    return replace(result, fit=replace(result.fit, arcs=arcs))
+
+
+def _versine(angle: Vector) -> Vector:
+    """Return (1 - cos x) / x, 0 at 0."""
+    half = angle / 2.0
+    return np.sin(half) * np.sinc(half / np.pi)
 
 
 def analyse_same(

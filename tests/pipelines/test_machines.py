@@ -94,6 +94,30 @@ def test_a_pair_is_simulated_and_its_command_brings_the_joint_there(run, tmp_pat
     assert first == same != other  # a tendon has one colour
 
 
+@pytest.mark.parametrize("angle", [3.0, 9.0])
+def test_without_a_shape_the_even_bend_of_the_rig_is_the_route(run, tmp_path, angle):
+    (tmp_path / "rig.toml").write_text(RIG.replace("= 3.0", f"= {angle}"))
+    drive = table(tmp_path / "drive.csv", time_s=TIME, motor_angle_deg=20 * np.sin(TIME))
+    rig, out = tmp_path / "rig.toml", tmp_path / "out"
+    done = run("simulate", "--drive", drive, "--rig", rig, "--out", out, "--json")
+    assert json.loads(done.out)["shape"] == "route"
+    machine = machine_of(read_rig(rig), [Arcs.exact(np.array([0.5]), np.array([angle]))])
+    expected = simulate_machine(machine, {"time_s": TIME, "motor_angle_rad": np.radians(20 * np.sin(TIME))})
+    read = papq.read_table(out / "simulate.parquet")["joint_angle_rad"].to_numpy()
+    np.testing.assert_allclose(read, expected["joint_angle_rad"], atol=1e-12)
+    target = table(tmp_path / "target.csv", time_s=TIME, joint_angle_rad=expected["joint_angle_rad"])
+    run("compensate", "--target", target, "--rig", rig, "--out", out, "--quiet")
+    commands = papq.read_table(out / "compensate.parquet")["joint_angle_rad"].to_numpy()
+    np.testing.assert_allclose(commands, expected["joint_angle_rad"], atol=1e-5)
+
+
+def test_without_a_shape_and_without_a_route_in_the_rig_the_error_says_what_to_give(run, tmp_path):
+    drive = table(tmp_path / "drive.csv", time_s=TIME, tension_in_N=5 - 3 * np.cos(TIME))
+    done = run("simulate", "--drive", drive, "--out", tmp_path / "out")
+    assert done.status == 2
+    assert "give one, or route.length_m and route.angle_rad in the rig" in done.errors[0]
+
+
 def test_both_draw_the_channels_of_a_machine_and_name_the_figures(run, tmp_path, shape):
     (tmp_path / "rig.toml").write_text(RIG)
     target = table(tmp_path / "target.csv", time_s=TIME, joint_angle_deg=20 * np.sin(TIME))

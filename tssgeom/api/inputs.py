@@ -16,6 +16,7 @@ from tssgeom.arrays import Vector
 from tssgeom.engine import recorded
 from tssgeom.errors import SettingsError, ShapeError, TssgeomError
 from tssgeom.identify.calibrated_run import Measured
+from tssgeom.identify.machine_run import route_of_rig
 from tssgeom.io.formats.files import open_recording
 from tssgeom.io.formats.laboratory.mapping import ColumnMap
 from tssgeom.io.formats.recording import Recording, in_order
@@ -65,7 +66,7 @@ class Table(Protocol):
 
 
 RigGiven: TypeAlias = Rig | str | Path | None
-ShapesGiven: TypeAlias = str | Path | Frame | FrameResult | Arcs | MovingRoute
+ShapesGiven: TypeAlias = str | Path | Frame | FrameResult | Arcs | MovingRoute | None
 RunGiven: TypeAlias = str | Path | MeasuredRun | Mapping[str, Any] | Table
 
 
@@ -205,16 +206,20 @@ def _without_drives(frames: Iterable[Frame | Rejected]) -> Iterator[Frame | Reje
 
 
 def route_of(shapes: ShapesGiven, rig: Rig, unit: str | None = None) -> MovingRoute:
-    """Return the route over time of what was given for it.
+    """Return the route over time of what was given for it; of the rig where nothing is.
 
     Raises
     ------
     ShapeError, SourceError, FitError
         Where the file or its frames cannot be used.
+    SettingsError
+        Where nothing is given, by the rig neither.
     """
     if unit is not None and not isinstance(shapes, str | Path):
         what = f"a {type(shapes).__name__}"
         raise SettingsError(f"unit is {unit!r}, but {what} is in m: leave unit out")
+    if shapes is None:
+        return route_of(route_of_rig(rig), rig)
     if isinstance(shapes, MovingRoute):
         return shapes
     if isinstance(shapes, Arcs):

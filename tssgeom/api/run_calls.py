@@ -66,7 +66,8 @@ def simulate(  # pyright: ignore[reportInconsistentOverload]
     Parameters
     ----------
     time
-        [n] Times of the run [s]. Or the shapes: a path, `Frame`, `FrameResult`, `Arcs` or `MovingRoute`.
+        [n] Times of the run [s]. Or the shapes: a path, `Frame`, `FrameResult`, `Arcs` or `MovingRoute`;
+        with None the route is the even bend that the rig gives.
     route
         The route over time. After shapes, the run instead: a path, a `MeasuredRun`, or columns such as a data
         frame with `time_s` and `tension_in_N` or else `displacement_in_m` (docs/formats.md, Measured runs).
@@ -192,7 +193,7 @@ def compensate(  # pyright: ignore[reportInconsistentOverload]
     ----------
     state
         Tension along the tendon before the move. Or the shapes: a path, `Frame`, `FrameResult`, `Arcs` or
-        `MovingRoute`.
+        `MovingRoute`; with None the route is the even bend that the rig gives.
     arcs
         The route after the move. After shapes, the targets instead: a path, a `MeasuredRun`, or columns such
         as a data frame with `time_s` and `displacement_out_m` or else `tension_out_N`, or of a joint

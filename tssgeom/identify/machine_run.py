@@ -318,7 +318,7 @@ def route_of_rig(rig: Rig) -> Arcs:
     """
     length, angle = rig.route.length_m, rig.route.angle_rad
     if length is None or angle is None:
-        raise SettingsError("no shape: give --shape, or route.length_m and route.angle_rad in the rig")
+        raise SettingsError("no shape: give one, or route.length_m and route.angle_rad in the rig")
     return Arcs.exact(np.array([length]), np.array([angle]))
 
 
