@@ -117,6 +117,7 @@ def _sentence(each: MachineEstimate) -> str:
 
 def _print(paths: Sequence[Path], out: Path | None, fitted: MachineCalibration) -> None:
     from tssgeom.identify.machine_parameters import unit_of
+    from tssgeom.tendon.machine_simulation import drive_channels
 
     rows = []
     listed = [each for each in fitted.estimates if each.key or each.identified]
@@ -145,4 +146,6 @@ def _print(paths: Sequence[Path], out: Path | None, fitted: MachineCalibration) 
         notes.append(f"{name}: {away:.3g} {unit_of(name)} rms on {of} held out, {inside:.3g} on those fitted")
     notes += [] if out is None else [f"rig: {out}"]
     names = paths[0].name if len(paths) == 1 else f"{len(paths)} runs, {paths[0].name} …"
+    drives = [channel for run in fitted.runs for channel in drive_channels(run.drive, run.tendons)]
+    names += f", driven by {' and '.join(dict.fromkeys(drives))}"
     print_table(names, ("", "value", "95 % interval", "unit", "assumed"), rows, notes=notes)

@@ -144,6 +144,23 @@ def test_white_noise_is_no_reason_to_count_bends_as_errors(course):
         assert not any("[shape] source" in text for text in analyse(points).warnings)
 
 
+@pytest.mark.parametrize("torsion", [15.0, 30.0, 55.0])
+def test_waves_and_helices_with_white_noise_have_no_bends_that_may_be_errors(torsion):
+    s = np.linspace(0.0, 0.5, 200)
+    speed = np.hypot(12.0, torsion)
+    helix = 12.0 / speed**2 * np.column_stack((np.cos(speed * s), np.sin(speed * s), 0 * s))
+    helix[:, 2] = torsion / speed * s
+    slope = 12.0 / torsion * np.sin(torsion * s)  # of a tangent: the curvature is 12 cos(torsion s)
+    way = np.column_stack((np.cos(slope), np.sin(slope), 0 * s))
+    wave = np.vstack((np.zeros(3), np.cumsum(0.5 * (way[1:] + way[:-1]), axis=0) * (s[1] - s[0])))
+    for exact, angle in ((helix, 6.0), (wave, np.trapezoid(np.abs(12.0 * np.cos(torsion * s)), s))):
+        for seed in range(3):
+            noise = 1e-4 * np.random.default_rng(seed).standard_normal(exact.shape)
+            result = analyse(exact + noise)
+            assert not any("[shape] source" in text for text in result.warnings)
+            assert abs(result.arcs.total_angle - angle) < 3.0 * result.arcs.total_angle_se < 0.3
+
+
 def test_a_sheath_gives_the_resolution():
     assert sheath_resolution(None, None) is None
     assert sheath_resolution(0.002, None) == pytest.approx(np.pi * 0.01)

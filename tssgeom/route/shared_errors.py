@@ -19,6 +19,7 @@ from tssgeom.route.resolution import (
     SharedErrors,
     angle_over_resolution,
     at_resolution,
+    share_of_short_bends,
     without_errors,
 )
 from tssgeom.route.route_fit import RouteFit
@@ -143,10 +144,10 @@ def with_hidden_errors(fit: RouteFit, points: Points, sensed_noise: float) -> tu
     if not smooth or len(fit.weight) < POINTS.few or angle <= 0.0:
         return fit, NO_POSTERIOR
     at = SOURCES["smoothed"].resolution_share * length
-    hidden = _in_short_bends(fit)
     noiseless = sensed_noise < LIMITS.noiseless * length
-    if not noiseless and hidden <= LIMITS.hidden * angle:
+    if not noiseless and share_of_short_bends(fit, at) <= LIMITS.hidden:
         return fit, NO_POSTERIOR
+    hidden = _in_short_bends(fit)
     why = (
         "the points have no noise, as if smoothed by a program"
         if noiseless
