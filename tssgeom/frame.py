@@ -121,12 +121,18 @@ def fit_frame(
     bounded = noise is None and last is not None and last.noise_bounded
     if bounded and now is not None:
         noise = now.sensed_noise
+    of_time = noise is None and last is not None and last.has_noise_of_time
+    if of_time and now is not None:
+        noise = now.noise
     if last is not None:
         last = replace(last, noise_growth=noise_growth(last.fit.noise, last.filtered, now))
+    start = None if last is None or (now is not None and last.is_outdated(now)) else last
+    if last is not None and last.warm_only and start is None:
+        raise NotWarmError
     if given.marker_offset_mm:
-        shape, tracked = follow_markers(shape, noise, given.marker_offset_mm, given.marker_axis, last)
+        shape, tracked = follow_markers(shape, noise, given.marker_offset_mm, given.marker_axis, start)
     else:
-        tracked, now_contradicted = _fitted(shape, noise, last, stated if now is None else None)
+        tracked, now_contradicted = _fitted(shape, noise, start, stated if now is None else None)
         contradicted |= now_contradicted
         if now is not None and last is not None and _is_astray(tracked, last, now):
             if last.warm_only:
@@ -144,14 +150,20 @@ def fit_frame(
         errors = posterior_of_source(fit, *source)
     elif tracked.age == 0:
         fit, errors = with_hidden_errors(fit, shape.points, fit.noise * share)
+    if last is None or tracked.age == 0:
+        first, left = fit.noise * share, 0.0 if now is None else now.noise
+    else:
+        first, left = last.first_noise, last.first_left
     return shape, replace(
         tracked,
         fit=fit,
         filtered=now,
         sensed_over_fitted=share,
         errors=errors,
-        first_noise=fit.noise * share if tracked.age == 0 or last is None else last.first_noise,
+        first_noise=first,
+        first_left=left,
         noise_bounded=bounded,
+        noise_of_time=of_time,
         noise_contradicted=contradicted,
         direction_noise=shape.direction_noise,
     )

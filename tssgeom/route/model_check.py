@@ -16,6 +16,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from tssgeom.arrays import Vector
+from tssgeom.core.constants_route import PASSES
 from tssgeom.errors import FitError
 from tssgeom.route.arcs.chain import Chain, Data, fit_fixed_pieces
 from tssgeom.route.arcs.moves import (
@@ -40,7 +41,7 @@ from tssgeom.route.model_choice import (
     evidence_difference,
     preference,
 )
-from tssgeom.route.observations import Shape
+from tssgeom.route.observations import Shape, are_few
 from tssgeom.route.resolution import NO_ERRORS, SharedErrors
 from tssgeom.route.route_fit import RouteFit
 from tssgeom.route.spline.fit import Spline, fit_in_steps
@@ -117,8 +118,12 @@ class TrackedFit:
     """Noise that the next fit is expected to find over that of this one [1]."""
     first_noise: float = 0.0
     """Noise of the fit from which the warm ones began, as sensed [m]."""
+    first_left: float = 0.0
+    """Noise that the filter left of the points of that fit [m]."""
     noise_bounded: bool = False
     """Whether fits of few points went astray, so that the noise is taken from differences in time."""
+    noise_of_time: bool = False
+    """Whether few points showed less noise than the filter leaves, so that it is taken from that."""
     noise_contradicted: bool = False
     """Whether the points contradict the noise that is stated of them, so that it is estimated."""
     direction_noise: float = 0.0
@@ -127,6 +132,17 @@ class TrackedFit:
     """Noise of the curvatures of a fibre that was estimated."""
     errors: ErrorPosterior = NO_POSTERIOR
     """What errors that neighbouring points share mean for the fit."""
+
+    @property
+    def has_noise_of_time(self) -> bool:
+        """Whether few points were taken for a sharper route than their noise in time leaves; model.md (272)."""
+        if self.filtered is None or not are_few(self.fit.weight):
+            return False
+        return self.noise_of_time or PASSES.warm_noise * self.fit.noise**2 < self.filtered.noise**2
+
+    def is_outdated(self, now: PointFilter) -> bool:
+        """Whether the filter leaves so little noise of few points that a fit from nothing shows more."""
+        return are_few(self.fit.weight) and PASSES.warm_noise * now.noise**2 < self.first_left**2
 
     @classmethod
     def of(cls, fit: RouteFit, index: Vector) -> TrackedFit:
