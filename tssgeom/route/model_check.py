@@ -135,7 +135,7 @@ class TrackedFit:
 
     @property
     def has_noise_of_time(self) -> bool:
-        """Whether few points were taken for a sharper route than their noise in time leaves; model.md (272)."""
+        """Whether few points were taken for a sharper route than their noise in time leaves; (272)."""
         if self.filtered is None or not are_few(self.fit.weight):
             return False
         return self.noise_of_time or PASSES.warm_noise * self.fit.noise**2 < self.filtered.noise**2
