@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tests.core.twins.arcs_fit import residual_variance
+from tssgeom import analyse, clean, read
 from tssgeom.core.constants_route import PRIOR
 from tssgeom.route.arcs.chain import Data, unfitted
 from tssgeom.route.arcs.outliers import outlier_weights
@@ -89,3 +90,38 @@ def test_points_side_by_side_without_weight_are_a_part_of_the_route():
     assert not leaves_out_a_stretch(weight)
     weight[4] = 0.0
     assert leaves_out_a_stretch(weight)
+
+
+TWELVE = """x_mm,y_mm,z_mm
+0.1,1.1,0.2
+-3.9,-25.6,64.3
+-11.6,-82.9,105.1
+-19.2,-146.0,135.7
+-18.1,-201.6,178.7
+-7.5,-236.8,238.4
+12.6,-250.5,304.9
+41.2,-248.8,369.2
+73.1,-240.4,433.1
+97.1,-220.1,495.6
+{}
+{}
+"""
+
+
+def test_a_good_last_marker_behind_a_lost_one_stays(tmp_path):
+    file = tmp_path / "twelve.csv"
+    file.write_text(TWELVE.format("98.7,-177.7,551.6", "67.3,-118.6,570.4"))
+    whole = analyse(file).profile
+    file.write_text(TWELVE.format(",,", "67.3,-118.6,570.4"))
+    bridged = analyse(file)
+    assert bridged.shape.warnings == ("1 point missing, bridged",)
+    # without the last marker Φ was 1.5 rad too small
+    assert abs(bridged.profile.total_angle - whole.total_angle) < 3 * bridged.profile.total_angle_se
+    assert bridged.profile.total_angle_se > whole.total_angle_se
+
+
+def test_a_last_marker_farther_than_the_lost_way_is_an_outlier(tmp_path):
+    file = tmp_path / "twelve.csv"
+    file.write_text(TWELVE.format(",,", "67.3,381.4,570.4"))
+    (frame,) = read(file)
+    assert "1 outlying point left out (count from 0: 11)" in clean(frame.points).warnings

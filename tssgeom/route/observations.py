@@ -219,7 +219,7 @@ def _usable(points: Points, known: Vector | None) -> tuple[np.ndarray, tuple[str
     if not keep.all():
         warnings += (f"{_points(int((~keep).sum()), 'repeated')} merged",)
         index = index[keep]
-    outlying = raw_outliers(points[index])
+    outlying = raw_outliers(points[index], index - np.cumsum(~keep)[keep])
     if outlying.any():
         named = ", ".join(str(i) for i in index[outlying])
         warnings += (f"{_points(int(outlying.sum()), 'outlying')} left out (count from 0: {named})",)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tssgeom import core
 from tssgeom.arrays import Points, read_only
@@ -10,8 +11,16 @@ from tssgeom.core.constants_route import OUTLIERS, RAW
 from tssgeom.route.route import step_lengths
 
 
-def raw_outliers(points: Points) -> np.ndarray:
-    """Mark points [n] that stand off the curve through their neighbours by more than a spacing."""
+def raw_outliers(points: Points, count: NDArray[np.int64] | None = None) -> np.ndarray:
+    """Mark points [n] that stand off the curve through their neighbours by more than a spacing.
+
+    Parameters
+    ----------
+    points
+        Observed points along the route [m].
+    count
+        Number of each among these and the missing ones, increasing; None: none is missing.
+    """
     n = len(points)
     mark, index, kept = np.zeros(n, np.bool_), np.arange(n), read_only(points)
     for _ in range(max(1, n // 6)):
@@ -24,6 +33,8 @@ def raw_outliers(points: Points) -> np.ndarray:
     if mark.any():
         _unmark_long_runs(mark)
         _unmark_ends(points, mark)
+        if count is not None:
+            _unmark_behind_missing(points, count, mark)
     return mark if mark.sum() <= OUTLIERS.share * n else np.zeros_like(mark)
 
 
@@ -50,3 +61,20 @@ def _unmark_ends(points: Points, mark: np.ndarray) -> None:
         along = apart @ slope / (step + 1e-300)
         aside = np.sqrt(np.maximum(np.einsum("ij,ij->i", apart, apart) - along**2, 0.0))
         off[: kept[0]] &= (aside > step) | (np.abs(along) > RAW.uneven * step)
+
+
+def _unmark_behind_missing(points: Points, count: NDArray[np.int64], mark: np.ndarray) -> None:
+    """Unmark points at an end behind missing ones, as far off as these are: no way is longer than a chord.
+
+    The direction and the parabola of an end hold for points that follow each other.
+    """
+    spacing = core.median(step_lengths(points) / np.diff(count))
+    for order in (np.arange(len(points)), np.arange(len(points))[::-1]):
+        kept = np.flatnonzero(~mark[order])
+        last = order[kept[0]] if len(kept) else order[0]
+        for here in order[: kept[0]][::-1] if len(kept) else ():
+            steps = abs(count[here] - count[last])
+            if steps > abs(int(here) - int(last)) and (
+                np.linalg.norm(points[here] - points[last]) <= RAW.end_leap * steps * spacing
+            ):
+                mark[here], last = False, here
