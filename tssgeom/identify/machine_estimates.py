@@ -96,11 +96,16 @@ def calibration_of(
     state: FitState,
     held: HeldOut = NOTHING_HELD_OUT,
     notes: Sequence[str] = (),
+    *,
+    normal: bool = False,
 ) -> MachineCalibration:
-    """Return the estimates of a fit, with the covariance of Gauss and Newton; docs/model.md (181)-(183)."""
+    """Return the estimates of a fit, with the covariance of Gauss and Newton; docs/model.md (181)-(183).
+
+    Unless the posterior is to be taken for `normal`, it is followed along its widest numbers; (261).
+    """
     effective = sum(len(each) for each in state.left) / float(np.mean(state.inflation))
     quantile = float(stdtrit(max(effective - len(state.u), 2.0), 0.975))
-    problem, state, posterior = posterior_of(problem, state, quantile)
+    problem, state, posterior = posterior_of(problem, state, quantile, normal=normal)
     estimates = tuple(_estimates(problem, posterior))
     values = {each.key: each.value for each in estimates if each.key}
     channels = tuple(_channel_fits(problem, state))

@@ -278,7 +278,7 @@ def _base_numbers(after: MachineCalibration, model: FittedModel) -> Iterator[tup
 
 
 def _ranked(one: TriedPart, top: float, *, chosen: bool) -> Candidate:
-    after = calibration_of(one.model.problem, one.model.state)
+    after = calibration_of(one.model.problem, one.model.state, normal=True)  # profiles of all take long
     effect = one.part.effect if isinstance(one.part.effect, RigNumber) else one.model.rig.effects[-1]
     evidence = Evidence(one.delta_bic, EVIDENCE_SCALE.very_strong, one.size, one.held_ratio, -one.rise)
     less = f"its ΔBIC, held-out readings included, is {top - one.evidence:.0f} below the best."

@@ -112,13 +112,16 @@ def _quantile(centres: Vector, sd: float, weight: Vector, at: float) -> float:
     return float(0.5 * (low + high))
 
 
-def posterior_of(problem: Problem, state: FitState, quantile: float) -> tuple[Problem, FitState, Posterior]:
-    """Return the posterior about a fit, and the fit at its likeliest numbers."""
+def posterior_of(
+    problem: Problem, state: FitState, quantile: float, *, normal: bool = False
+) -> tuple[Problem, FitState, Posterior]:
+    """Return the posterior about a fit, and the fit at its likeliest numbers; not followed where `normal`."""
     slope = state.slope(problem)
     covariance = np.asarray(np.linalg.inv(slope.T @ slope + np.eye(len(state.u))), dtype=np.float64)
     errors = drive_errors(problem, state, slope, covariance)
     fine = replace(problem, bars=FIT.fine, too_few_bars=())
-    made = (_Along(fine, state, slope, covariance, j).profile() for j in _wide(problem, covariance))
+    wide = () if normal else _wide(problem, covariance)
+    made = (_Along(fine, state, slope, covariance, j).profile() for j in wide)
     profiles = tuple(each for each in made if each is not None)
     if profiles:
         best = min(profiles, key=lambda each: each.chi2.min())
