@@ -15,7 +15,7 @@ import numpy as np
 from tssgeom.arrays import Matrix, Points, read_only
 from tssgeom.errors import SettingsError, ShapeError, SourceError
 from tssgeom.io.formats.laboratory.mapping import NO_MAP, ColumnMap
-from tssgeom.io.formats.laboratory.tools import FARTHEST_MM, UNOBSERVED, has_row_a_tool
+from tssgeom.io.formats.laboratory.tools import UNOBSERVED, has_row_a_tool
 from tssgeom.io.formats.paths import LONGEST_LINE, reading, stem
 from tssgeom.io.formats.recording import PER_METRE, UNTIMED, Frames, Recording, agreed_unit
 from tssgeom.stream import Frame, Rejected
@@ -23,6 +23,8 @@ from tssgeom.stream import Frame, Rejected
 POSE = ("q0", "qx", "qy", "qz", "tx", "ty", "tz")
 _EULER = ("rz", "ry", "rx", "tx", "ty", "tz")
 _STATES = ("state", "transformstatus", "status")
+_FARTHEST_MM = 1e6
+"""Chosen: far outside the volume of a tracker; NDI writes -3.7e28 for no number."""
 _FRAMES = ("frame", "frame#")
 _MARKERS = ("markers", "#markers")
 _SEPARATORS = (",", "\t", ";")
@@ -196,7 +198,7 @@ def _pose(cells: Sequence[str], state: str, width: int) -> list[float]:
     if len(cells) < width:
         raise ValueError(f"a tool has {len(cells)} of its {width} numbers")
     pose = [float(cell) for cell in cells]
-    return pose if all(abs(number) < FARTHEST_MM for number in pose) else unknown
+    return pose if all(abs(number) < _FARTHEST_MM for number in pose) else unknown
 
 
 def _third_axes(quaternions: Matrix) -> Points:

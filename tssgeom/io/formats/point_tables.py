@@ -10,6 +10,7 @@ import numpy as np
 
 from tssgeom.errors import ShapeError, TssgeomError
 from tssgeom.io.formats.columns import AXES, POINT, TIME, columns_of
+from tssgeom.io.formats.fill_values import without_fill_values
 from tssgeom.io.formats.laboratory.mapping import NO_MAP, ColumnMap
 from tssgeom.io.formats.laboratory.names import EXACT, RECORDING, is_inert, meaning_of
 from tssgeom.io.formats.laboratory.polar import has_size
@@ -133,13 +134,14 @@ def _size(path: Path) -> int:
 def _recording(path: Path, kind: str, table: Table, names: Mapping[str, str] | None = None) -> Recording:
     if table.faults and not table.columns.timed:
         raise ShapeError(f"{path}: {next(iter(table.faults.values()))}{_more(len(table.faults) - 1)}")
-    table, notes = _without_doubled(table)
+    table, filled = without_fill_values(table)
+    table, doubled = _without_doubled(table)
     columns = table.columns
     frames = LongFrames(table, runs_of(table), lowest_point(table))
     warnings = (*columns.warnings, *_counted_stations(table, frames.runs[0], names or {}))
     return Recording(
         *(stem(path), path, columns.unit, kind, columns.timed, len(frames.runs), frames, warnings),
-        notes=notes,
+        notes=(*filled, *doubled),
     )
 
 

@@ -7,9 +7,9 @@ from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from tssgeom.io.formats.laboratory.raw import Column, RawTable
+from tssgeom.io.formats.fill_values import known_cells
+from tssgeom.io.formats.laboratory.raw import RawTable
 
 _TOOLS = frozenset(
     (
@@ -31,8 +31,6 @@ _POSE = ("q0", "qx", "qy", "qz", "tx", "ty", "tz")
 _STATES = frozenset(("state", "status", "toolstatus", "toolstate", "transformstatus"))
 UNOBSERVED = frozenset(("missing", "disabled"))
 """States of a tool without a pose, in small letters."""
-FARTHEST_MM = 1e6
-"""Chosen: far outside the volume of a tracker; NDI writes -3.7e28 for no number."""
 
 
 def has_row_a_tool(names: Sequence[str]) -> bool:
@@ -57,20 +55,16 @@ def with_points_of_tools(table: RawTable, said: Collection[str]) -> RawTable:
     for name, column in zip(plain, table.columns, strict=True):
         if name in _STATES and isinstance(column, list):
             tracked &= np.array([cell.strip().lower() not in UNOBSERVED for cell in column])
-    for k, axis in zip(at, "xyz", strict=True):
-        names[k] = f"{axis}_mm"
-        columns[k] = _known(columns[k], tracked)
-    missing = int(np.isnan(np.array([columns[k] for k in at])).any(axis=0).sum())
+    cells = np.array([np.where(tracked, columns[k], np.nan) for k in at], np.float64)
+    cells, _ = known_cells(cells)
+    for k, axis, known in zip(at, "xyz", cells, strict=True):
+        names[k], columns[k] = f"{axis}_mm", known
+    missing = int(np.isnan(cells).any(axis=0).sum())
     notes = (
         "a row for each tool, in mm; turns are not read",
         *([f"{missing} tools not tracked"] if missing else []),
     )
     return replace(table, names=tuple(names), columns=tuple(columns), notes=(*table.notes, *notes))
-
-
-def _known(column: Column, tracked: NDArray[np.bool_]) -> Column:
-    values = np.asarray(column, np.float64)
-    return np.where(tracked & (np.abs(values) < FARTHEST_MM), values, np.nan)
 
 
 def _plain(name: str) -> str:
