@@ -156,3 +156,41 @@ def test_an_error_of_a_spreadsheet_is_a_lost_sensor(tmp_path):
     broken = [line.split(",")[:7] + ["#DIV/0!"] * 3 + line.split(",")[10:] for line in lines[2:]]
     path.write_text("\n".join([*lines[:2], *map(",".join, broken)]), encoding="utf-8")
     assert [np.isnan(frame.points[2]).all() for frame in frames_of(path)] == [False, True, True]
+
+
+@pytest.mark.parametrize(
+    "stamp",
+    [
+        "header.stamp.sec,header.stamp.nanosec",
+        "stamp.secs,stamp.nsecs",
+        "/shape/header/stamp/sec,/shape/header/stamp/nanosec",
+        "header_stamp_sec,header_stamp_nanosec",
+    ],
+)
+@pytest.mark.parametrize("name", ["poses[{point}].position.{axis}", "row a point"])
+def test_stamps_of_ros_in_two_columns_are_the_time(tmp_path, stamp, name):
+    times = [(1700000000, 950000000), (1700000001, 0), (1700000001, 50000000)]
+    if name == "row a point":
+        lines = [f"{stamp},point,x_mm,y_mm,z_mm"]
+        for (sec, nano), frame in zip(times, POINTS, strict=True):
+            lines += [f"{sec},{nano},{k},{x},{y},{z}" for k, (x, y, z) in enumerate(frame)]
+    else:
+        lines = [f"{stamp}," + ",".join(name.format(point=k, axis=a) for k in range(5) for a in "xyz")]
+        for (sec, nano), frame in zip(times, POINTS, strict=True):
+            lines.append(f"{sec},{nano}," + ",".join(map(str, frame.ravel())))
+    path = tmp_path / "shape-pose_array.csv"
+    path.write_text("\n".join(lines))
+    frames = frames_of(path, "mm")
+    # a float64 of seconds since 1970 resolves 0.24 µs
+    assert [frame.time for frame in frames] == pytest.approx([s + 1e-9 * n for s, n in times], abs=3e-7)
+    assert np.allclose([1e3 * frame.points for frame in frames], POINTS)
+    assert any("read as time_s" in note for note in open_recording(path, "mm").notes)
+    assert not open_recording(path, "mm").warnings
+
+
+def test_a_time_that_is_stated_is_read_beside_stamps_of_ros(tmp_path):
+    path = tmp_path / "both.csv"
+    lines = ["header.stamp.sec,header.stamp.nanosec,time_s,x_mm,y_mm,z_mm"]
+    lines += [f"{17 + f},0,{f},{x},{y},{z}" for f in range(3) for x, y, z in POINTS[f]]
+    path.write_text("\n".join(lines))
+    assert [frame.time for frame in frames_of(path)] == [0.0, 1.0, 2.0]

@@ -164,7 +164,13 @@ def split_unit(name: str) -> tuple[str, Unit | None]:
 
 def is_inert(name: str) -> bool:
     """Whether a column is neither read nor resembles what is."""
-    return meaning_of(name) is None
+    return meaning_of(name) is None and stamp_part(name) is None
+
+
+def stamp_part(name: str) -> tuple[str, str] | None:
+    """Split the column of a stamp of ROS into its message and its part, "sec" or "nanosec"."""
+    match = re.fullmatch(r"(.*stamp)[._/]?(?:(secs?)|(?:n|nano)secs?)", name.strip(), re.IGNORECASE)
+    return (match[1], "sec" if match[2] else "nanosec") if match else None
 
 
 def _unit_in(text: str) -> tuple[str, Unit | None]:

@@ -19,6 +19,7 @@ from tssgeom.io.formats.laboratory.mapping import NO_MAP, ColumnMap, Mapped
 from tssgeom.io.formats.laboratory.polar import with_components
 from tssgeom.io.formats.laboratory.raw import RawTable
 from tssgeom.io.formats.laboratory.resolve import marker_numbers, resolved
+from tssgeom.io.formats.laboratory.stamps import with_time_of_stamps
 from tssgeom.io.formats.laboratory.tools import with_points_of_tools
 from tssgeom.io.formats.laboratory.wide import FEWEST_POINTS, with_row_a_point
 from tssgeom.io.formats.paths import Stamp, selected, split, stamp_of
@@ -118,7 +119,8 @@ def _tables_once(
 ) -> list[tuple[RawTable, Resolved]]:
     """Read a file once, since each of its recordings is an input of its own."""
     stated = dict(said)
-    tools = [with_points_of_tools(with_components(table, stated), stated) for table in raw_tables(file)]
+    timed = [with_time_of_stamps(table, stated) for table in raw_tables(file)]
+    tools = [with_points_of_tools(with_components(table, stated), stated) for table in timed]
     tables = [with_row_a_point(file, table, stated, unit) for table in tools]
     every = [(table, resolved(file, table, stated, unit)) for table in tables]
     return [each for each in every if each[1].values or each[1].unclear] or every
