@@ -290,3 +290,39 @@ def test_the_unit_in_the_name_of_a_channel_is_that_of_a_column_without_one(tmp_p
     path.write_text("a,b [cm],c\n" + "".join(f"{10 * k},0.2,{k}\n" for k in range(5)))
     (frame,) = open_recording(path, None, ColumnMap(["a=x_mm", "b [cm]=y_mm", "c=z_mm"])).frames
     np.testing.assert_allclose(frame.points[2], [0.02, 0.002, 0.002])
+
+
+GROUPED = """point;x_mm;y_mm;z_mm
+0;800;800;800.0
+1;1,141;829;800.0
+2;1,463;927;800.0
+3;-1,764;1,086;800.0
+4;2,017;1,299;1,200.5
+"""
+
+
+@pytest.mark.parametrize("separator", [";", "\t", ","])
+def test_integers_in_groups_beside_decimal_points_are_read_as_they_are(tmp_path, separator):
+    cells = [line.split(";") for line in GROUPED.splitlines()]
+    path = tmp_path / "excel.csv"
+    path.write_text("\n".join(separator.join(f'"{c}"' if "," in c else c for c in row) for row in cells))
+    (frame,) = open_recording(path).frames
+    assert 1e3 * frame.points[:, 0] == pytest.approx([800, 1141, 1463, -1764, 2017])
+    assert 1e3 * frame.points[:, 1] == pytest.approx([800, 829, 927, 1086, 1299])
+    assert 1e3 * frame.points[:, 2] == pytest.approx([800, 800, 800, 800, 1200.5])
+
+
+@pytest.mark.parametrize(
+    ("second", "reason"),
+    [
+        (["1,800", "1,829", "1,927", "1,086", "1,299"], "column 'y_mm' has '1,800' (line 2), the table both"),
+        (["829.5", "1.927", "1086", "1.299", "1,800"], "line 6: y_mm is '1,800': write 1800 or a point"),
+    ],
+)
+def test_a_comma_that_may_be_a_decimal_mark_is_refused_beside_decimal_points(tmp_path, second, reason):
+    head, *lines = [line.split(";") for line in GROUPED.splitlines()]
+    rows = [[*line[:2], y, line[3]] for line, y in zip(lines, second, strict=True)]
+    path = tmp_path / "excel.csv"
+    path.write_text("\n".join(map(";".join, [head, *rows])))
+    with pytest.raises(ShapeError, match=re.escape(reason)):
+        list(open_recording(path).frames)

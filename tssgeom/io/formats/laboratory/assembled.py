@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from tssgeom.io.formats.laboratory.headers import Header, header_of
-from tssgeom.io.formats.laboratory.raw import Column, RawTable
+from tssgeom.io.formats.laboratory.raw import Column, RawTable, may_be_group
 from tssgeom.io.formats.laboratory.rows import Row, column_of, is_data
 from tssgeom.io.formats.laboratory.trackers import only_read
 
@@ -56,8 +56,14 @@ def table_of(
     for k, name in enumerate(named):
         column, wrong = column_of([cells[k] for cells in kept], decimal)
         for row in wrong:
-            where = f"{number_name} {number[row]}"
-            faults.setdefault(row, f"{where}: {name} is {kept[row][k]!r}: write a number or leave it empty")
+            where, cell = f"{number_name} {number[row]}", kept[row][k]
+            grouped = decimal == "." and may_be_group(cell.strip())
+            hint = (
+                f"write {cell.strip().replace(',', '')} or a point"
+                if grouped
+                else "write a number or leave it empty"
+            )
+            faults.setdefault(row, f"{where}: {name} is {cell!r}: {hint}")
         columns.append(column)
     table = RawTable(
         *(tuple(named), tuple(columns), tuple(header.units), np.array(number, np.int64), number_name, faults),

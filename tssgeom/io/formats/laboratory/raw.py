@@ -24,6 +24,7 @@ _CLOCK = re.compile(r"(\d{1,2}):(\d{2}):(\d{2}(?:[.,]\d+)?)")
 _DAY_FIRST = re.compile(r"(\d{1,2})\.(\d{1,2})\.(\d{4})([ T].*)?")
 _THOUSANDS = re.compile(r"[-+]?\d{1,3}(,\d{3})+\.\d+")
 _GROUPED = re.compile(r"[-+]?\d{1,3}(,\d{3})+(\.\d*)?")
+_HUNDREDS = re.compile(r"[-+]?[1-9]\d\d")
 _ISO = re.compile(r"\d{4}[-/]\d{2}[-/]\d{2}[T ]\d{2}:\d{2}.*")
 
 
@@ -55,9 +56,22 @@ class RawTable:
 
 def numbers_of(cells: Sequence[str], decimal: str = ".") -> tuple[Vector, list[int]]:
     """Return the numbers in some cells, NaN for missing ones, and the indices of those that are none."""
-    if decimal == "." and any(_THOUSANDS.fullmatch(cell.strip()) for cell in cells):
+    if decimal == "." and _has_groups(cells):
         cells = [cell.replace(",", "") if _GROUPED.fullmatch(cell.strip()) else cell for cell in cells]
     return _parsed(cells, lambda text: float(_point(text) if decimal == "," else text))
+
+
+def _has_groups(cells: Sequence[str]) -> bool:
+    """Whether commas group digits: beside a point, or of integers some of which have three digits."""
+    filled = [cell.strip() for cell in cells if "," in cell or "." in cell]
+    return any(map(_THOUSANDS.fullmatch, filled)) or (
+        all(map(may_be_group, filled)) and any(_HUNDREDS.fullmatch(cell.strip()) for cell in cells)
+    )
+
+
+def may_be_group(cell: str) -> bool:
+    """Whether a comma in a cell may group the digits of an integer, or be its decimal mark: 1,234."""
+    return "." not in cell and bool(_GROUPED.fullmatch(cell))
 
 
 def _parsed(cells: Sequence[str], parse: Callable[[str], float]) -> tuple[Vector, list[int]]:

@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from tssgeom.io.formats.laboratory.raw import MISSING, Column, is_moment, moments_of, numbers_of
+from tssgeom.io.formats.laboratory.raw import MISSING, Column, is_moment, may_be_group, moments_of, numbers_of
 
 _NUMBER = re.compile(r"[-+]?(\d[\d.]*(,\d*)?|[.,]\d+|\d+(,\d{3})*\.\d*)([eE][-+]?\d+)?")
 
@@ -50,6 +50,8 @@ def decimal_of(data: Sequence[Sequence[str]]) -> str:
     commas, points = (sum(mark in cell for cell in cells) for mark in ",.")
     last = sum(cell.rfind(",") > cell.rfind(".") > -1 for cell in cells)
     grouped = sum(cell.rfind(".") > cell.rfind(",") > -1 for cell in cells)  # by commas: 1,234.5
+    if all(may_be_group(cell) for cell in cells if "," in cell):  # 1,234 beside 0.5, but not beside 1.234
+        grouped += sum("." in cell and not may_be_group(cell.replace(".", ",")) for cell in cells)
     return "," if commas and not grouped and (commas > points or last) else "."
 
 
