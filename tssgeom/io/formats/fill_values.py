@@ -41,7 +41,7 @@ def without_fill_values(table: Table) -> tuple[Table, tuple[str, ...]]:
 
 @np.errstate(over="ignore")
 def known_cells(cells: Matrix) -> tuple[Matrix, list[float]]:
-    """Return coordinates [3, n] with NaN in the place of fill values, and these."""
+    """Return coordinates [3, n] with NaN for fill values, and these."""
     fills = list[float]()
     for _ in range(_MOST):
         size = np.abs(cells)

@@ -13,7 +13,7 @@ from tssgeom.io.formats.laboratory.raw import RawTable
 
 
 def with_time_of_stamps(table: RawTable, said: Collection[str]) -> RawTable:
-    """Return a table with `time_s` in the place of the first pair of seconds and nanoseconds of a stamp.
+    """Return a table with `time_s` instead of the first pair of seconds and nanoseconds of a stamp.
 
     A table with that column, or of which the user states what one of the two is, stays as it is.
     """
