@@ -78,7 +78,8 @@ def test_unit_rules_are_those_of_the_other_formats(tmp_path):
 @pytest.mark.parametrize(
     ("arrays", "says"),
     [
-        ({"route": POINTS}, "no array 'points'"),
+        ({"route": POINTS, "tip": POINTS}, "no array 'points' among route[3, 6, 3], tip[3, 6, 3]"),
+        ({"x": POINTS[..., 0]}, "no array 'points' among unit, x"),
         ({"points": POINTS[..., :2]}, "points has the size (3, 6, 2)"),
         ({"points": np.zeros((0, 6, 3))}, "points has the size (0, 6, 3)"),
         ({"points": POINTS, "time_s": [0.0, 1.0]}, "time_s has the size (2,) for 3 frames"),
@@ -102,3 +103,38 @@ def test_a_broken_archive_is_refused_in_one_line(tmp_path, content):
     (tmp_path / "run.npz").write_bytes(content)
     with pytest.raises(SourceError, match="cannot be read as NPZ"):
         open_recording(tmp_path / "run.npz")
+
+
+MOVING = 100.0 * np.arange(6)[:, None] * np.eye(3)[0] + np.linspace(0.0, 9.0, 20)[:, None, None]
+"""[frame, point, axis] [mm]"""
+
+
+@pytest.mark.parametrize("axes", [(0, 2, 1), (1, 0, 2), (1, 2, 0), (2, 0, 1), (2, 1, 0)])
+def test_axes_in_another_order_are_read_by_the_size_of_the_coordinates_and_the_number_of_times(
+    tmp_path, axes
+):
+    path = tmp_path / "moving.npz"
+    np.savez(path, points=MOVING.transpose(axes), time_s=np.arange(20.0), unit="mm")
+    recording = open_recording(path, None)
+    letters = ",".join("FN3"[k] for k in axes)
+    assert recording.notes == (f"points[{letters}] read as [F,N,3]",)
+    assert np.allclose([1e3 * frame.points for frame in recording.frames], MOVING)
+
+
+@pytest.mark.parametrize("name", ["arr_0", "markers"])
+def test_the_only_array_of_points_is_read_whatever_its_name(tmp_path, name):
+    path = tmp_path / "moving.npz"
+    np.savez(path, **{name: MOVING})
+    recording = open_recording(path, "mm")
+    assert recording.notes == (f"{name} read as points",)
+    assert np.allclose([1e3 * frame.points for frame in recording.frames], MOVING)
+
+
+@pytest.mark.parametrize("name", ["moving.npz", "moving.npy"])
+def test_points_first_without_times_are_refused_with_the_axis_that_is_to_be_first(tmp_path, name):
+    path, swapped = tmp_path / name, MOVING.transpose(1, 0, 2)
+    np.savez(path, points=swapped, unit="mm") if name.endswith("npz") else np.save(path, swapped)
+    with pytest.raises(
+        ShapeError, match=r"frames that span 15\.6 and lie 500 apart, as points do: save the axis"
+    ):
+        open_recording(path, "mm")

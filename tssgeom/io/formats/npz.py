@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import zipfile
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,6 +15,7 @@ import numpy as np
 
 from tssgeom.arrays import Vector, read_only
 from tssgeom.errors import ShapeError, SourceError, TssgeomError, first_line
+from tssgeom.io.formats.axes import note_of_axes, order_of_axes, require_frames_first
 from tssgeom.io.formats.columns import MEASURED, OF_MACHINE, TIME, of_machine
 from tssgeom.io.formats.laboratory.unknown import unknown_names
 from tssgeom.io.formats.paths import require_room, stem
@@ -75,6 +76,8 @@ class Stored:
     """Stored with the first axis running fastest; such an array is read at once."""
     begin: int
     """Length of its header [B]."""
+    order: tuple[int, ...] = ()
+    """Stored axes in the order of `shape`, where that is another; such an array is read at once, too."""
 
     @property
     def size(self) -> int:
@@ -90,10 +93,11 @@ def rows_of(path: Path, array: Stored) -> Iterator[np.ndarray]:
     SourceError
         Where the archive ends early or is corrupt.
     """
-    if array.columns_first:
+    if array.columns_first or array.order:
         require_room(path, 2 * array.size)
         with _archive(path) as archive:
-            yield from np.asarray(archive[array.name], dtype=np.float64).reshape(array.shape)
+            whole = np.asarray(archive[array.name], dtype=np.float64)
+        yield from whole.transpose(array.order or range(whole.ndim)).reshape(array.shape)
         return
     inner = array.shape[1:]
     width = int(np.prod(inner)) * array.dtype.itemsize
@@ -121,25 +125,54 @@ def open_npz(path: Path, unit: str | None) -> Recording:
     stored = {name: array for name in _LARGE if (array := _stored(path, name)) is not None}
     arrays, names = _arrays(path)
     if "points" not in stored:
-        raise ShapeError(
-            f"{path}: no array 'points' among {sorted(names)}: save points[F,N,3] or points[N,3]"
-        )
+        stored["points"] = _only_points(path, names)
     stated = _text(arrays["unit"]) if "unit" in arrays else None
     agreed = agreed_unit(path, stated, unit, 'save unit="mm" or unit="m" with the points')
     points = _of_numbers(path, stored["points"])
-    if len(points.shape) not in (2, 3) or points.shape[-1] != 3 or 0 in points.shape:
-        raise ShapeError(f"{path}: points has the size {points.shape}: save points[F,N,3] or points[N,3]")
+    count = np.size(arrays[TIME]) if TIME in arrays else None
+    order = order_of_axes(path, points.name, points.shape, count)
+    if order != (*range(len(order)),):
+        points = replace(points, shape=tuple(points.shape[k] for k in order), order=order)
+    stored["points"] = points
     timed = len(points.shape) == 3
+    if timed and count is None:
+        ends = [row for k, row in enumerate(rows_of(path, points)) if k in (0, points.shape[0] - 1)]
+        require_frames_first(path, points.name, ends[0], ends[-1])
     frames = _frames(path, arrays, stored, PER_METRE[agreed])
     known = (*MEASURED, *OF_MACHINE)
     driven = any(name in arrays for name in known if name.startswith(_DRIVES))
-    unknown = names - {*_SMALL, *_LARGE, "covariance_mm2"}
+    unknown = names - {*_SMALL, *_LARGE, points.name, "covariance_mm2"}
     try:
         warnings = unknown_names(unknown, (TIME, *known), driven=driven)
     except ShapeError as error:
         raise ShapeError(f"{path}: {error}") from error
     warnings += (UNTIMED,) if timed and TIME not in arrays else ()
-    return Recording(stem(path), path, agreed, "npz", timed, len(frames.time), frames, warnings)
+    notes = (f"{points.name} read as points",) if points.name != "points" else ()
+    notes += note_of_axes(points.name, order)
+    return Recording(stem(path), path, agreed, "npz", timed, len(frames.time), frames, warnings, notes)
+
+
+def _can_be_points(shape: tuple[int, ...]) -> bool:
+    return (len(shape) == 2 and shape[-1] == 3) or (len(shape) == 3 and 3 in shape)
+
+
+def _only_points(path: Path, names: Collection[str]) -> Stored:
+    """Return the one array that can be points, whatever its name.
+
+    Raises
+    ------
+    ShapeError
+        Where there is none, or several.
+    """
+    every = (_stored(path, name) for name in names if name not in _SMALL)
+    able = [array for array in every if array and _can_be_points(array.shape)]
+    if len(able) != 1:
+        among = [f"{array.name}{[*array.shape]}" for array in able] or sorted(names)
+        raise ShapeError(
+            f"{path}: no array 'points' among {', '.join(sorted(among))}: save points[F,N,3] or points[N,3], "
+            "of F frames and N points"
+        )
+    return able[0]
 
 
 def _frames(

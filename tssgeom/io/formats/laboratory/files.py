@@ -7,6 +7,7 @@ import zipfile
 from collections import Counter
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from dataclasses import replace
 from datetime import date, datetime, time, timedelta
 from functools import reduce
 from io import BytesIO
@@ -16,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from tssgeom.errors import ShapeError, SourceError, first_line
+from tssgeom.io.formats.axes import note_of_axes, order_of_axes, require_frames_first
 from tssgeom.io.formats.laboratory.assembled import table_of, with_length_unit
 from tssgeom.io.formats.laboratory.matlab import matlab_variables
 from tssgeom.io.formats.laboratory.raw import Column, RawTable
@@ -119,16 +121,24 @@ def _array(path: Path) -> list[RawTable]:
 
 
 def _of_matrix(
-    path: Path, array: np.ndarray, names: tuple[str, ...] = (), units: tuple[str, ...] = ()
+    path: Path,
+    array: np.ndarray,
+    names: tuple[str, ...] = (),
+    units: tuple[str, ...] = (),
+    frames: int | None = None,
 ) -> RawTable:
     """Return an array [n,k] of k columns, or [F,N,3] of points, as a table."""
     if array.dtype.kind not in "fiub":
         raise ShapeError(f"{path}: it holds no numbers but {array.dtype}: save float64")
     values = np.asarray(array, np.float64)
-    if values.ndim == 3 and values.shape[2] == 3:
+    if values.ndim == 3:
+        order = order_of_axes(path, "array", values.shape)
+        values = values.transpose(order)
+        require_frames_first(path, "array", values[0], values[-1])
         frame, point = np.indices(values.shape[:2]).reshape(2, -1).astype(np.float64)
         x, y, z = values.reshape(-1, 3).T
-        return _of_columns({"frame": frame, "point": point, "x": x, "y": y, "z": z})
+        table = _of_columns({"frame": frame, "point": point, "x": x, "y": y, "z": z})
+        return replace(table, notes=note_of_axes("array", order))
     if values.ndim != 2:
         raise ShapeError(f"{path}: an array of the size {array.shape}: save [N,3], [F,N,3] or a column each")
     if not names and values.shape[0] < values.shape[1] and values.shape[0] == 3:
