@@ -194,3 +194,36 @@ def test_a_time_that_is_stated_is_read_beside_stamps_of_ros(tmp_path):
     lines += [f"{17 + f},0,{f},{x},{y},{z}" for f in range(3) for x, y, z in POINTS[f]]
     path.write_text("\n".join(lines))
     assert [frame.time for frame in frames_of(path)] == [0.0, 1.0, 2.0]
+
+
+@pytest.mark.parametrize("lost", ["", "nan", "9999"])
+def test_frames_that_a_logger_wrote_twice_are_read_once_with_their_lost_points(tmp_path, lost):
+    path = written(tmp_path / "polled.csv", "S{point}_{axis}_mm")
+    head, *rows = path.read_text().splitlines()
+    cells = rows[1].split(",")
+    cells[4:7] = [lost] * 3
+    rows[1] = ",".join(cells)
+    path.write_text("\n".join([head, *(row for row in rows for _ in range(2))]))
+    frames = frames_of(path)
+    assert [frame.time for frame in frames] == [0.0, 0.5, 1.0]
+    assert [np.flatnonzero(np.isnan(frame.points[:, 0])).tolist() for frame in frames] == [[], [1], []]
+    assert "15 doubled rows left out" in open_recording(path).notes
+
+
+def test_frames_of_one_time_with_other_numbers_are_no_doubles(tmp_path):
+    path = written(tmp_path / "polled.csv", "S{point}_{axis}_mm")
+    head, *rows = path.read_text().splitlines()
+    path.write_text("\n".join([head, rows[0], rows[0].replace("20.0", "21.5"), *rows[1:]]))
+    first = next(iter(open_recording(path).frames))
+    assert isinstance(first, Rejected)
+    assert "point 2 is there twice" in first.reason
+
+
+def test_a_row_a_point_without_numbers_whose_frames_are_there_twice_is_read_once(tmp_path):
+    path = tmp_path / "polled.csv"
+    lines = ["time_s,x_mm,y_mm,z_mm"]
+    for f in range(3):
+        lines += [f"{f},{x},{y},{z}" for x, y, z in POINTS[f]] * (1 + f % 2)
+    path.write_text("\n".join(lines))
+    assert [len(frame.points) for frame in frames_of(path)] == [5, 5, 5]
+    assert open_recording(path).notes == ("5 doubled rows left out",)

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tssgeom.errors import ShapeError, TssgeomError
 from tssgeom.io.formats.columns import AXES, POINT, TIME, columns_of
@@ -159,21 +160,35 @@ def _counted_stations(table: Table, rows: Rows, names: Mapping[str, str]) -> tup
 
 
 def _without_doubled(table: Table) -> tuple[Table, tuple[str, ...]]:
-    """Leave out rows that repeat another to the last digit, where the points are numbered."""
-    if not table.columns.numbered or table.faults or len(table) < 2:
-        return table, ()
-    time = [table.values[TIME]] if table.columns.timed else []
-    order = np.lexsort((table.values[POINT], *time))  # a row and its double follow each other
-    before, after = order[:-1], order[1:]
-    same = np.all([values[after] == values[before] for values in table.values.values()], axis=0)
-    if not same.any():
+    """Leave out rows that repeat another to the last digit: where points are numbered, or of whole frames."""
+    columns = table.columns
+    if table.faults or len(table) < 2 or not (columns.numbered or columns.timed):
         return table, ()
     kept = np.ones(len(table), bool)
-    kept[after[same]] = False
+    if columns.numbered:
+        time = [table.values[TIME]] if columns.timed else []
+        order = np.lexsort((table.values[POINT], *time))  # a row and its double follow each other
+        kept[order[1:][_same(table, order[:-1], order[1:])]] = False
+    else:
+        for rows in runs_of(table):
+            half = len(rows) // 2
+            if half > 1 and half * 2 == len(rows) and _same(table, rows[:half], rows[half:]).all():
+                kept[rows[half:]] = False
+    if kept.all():
+        return table, ()
     values = {name: column[kept] for name, column in table.values.items()}
     return replace(table, values=values, number=table.number[kept]), (
-        f"{int(same.sum())} doubled rows left out",
+        f"{int((~kept).sum())} doubled rows left out",
     )
+
+
+def _same(table: Table, rows: Rows, others: Rows) -> NDArray[np.bool_]:
+    """Mark rows that hold the same as others; what is missing in both is the same."""
+    same = np.ones(len(rows), bool)
+    for column in table.values.values():
+        one, other = column[rows], column[others]
+        same &= (one == other) | (np.isnan(one) & np.isnan(other))
+    return same
 
 
 def _more(count: int) -> str:
