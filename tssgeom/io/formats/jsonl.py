@@ -159,7 +159,7 @@ def _frame(
     if stated not in PER_METRE:
         raise ShapeError(f"the unit is {stated!r}: {_STATE_UNIT}, or give --unit mm|m")
     if unit is not None and stated != unit:
-        raise ShapeError(f"the line is in {stated}, --unit says {unit}: leave --unit out")
+        raise ShapeError(f"the line is in {stated}, --unit says {unit}: read it without --unit")
     moment = line.t if line.t is not None else time
     if moment is None:
         raise ShapeError('the line has no time: write "t" in s')

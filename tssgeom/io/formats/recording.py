@@ -145,7 +145,7 @@ def agreed_unit(path: Path, stated: str | None, given: str | None, hint: str) ->
         if one is not None and one not in PER_METRE:
             raise ShapeError(f"{path}: the unit is {one!r}: write mm or m")
     if stated and given and stated != given:
-        raise ShapeError(f"{path}: the file is in {stated}, --unit says {given}: leave --unit out")
+        raise ShapeError(f"{path}: the file is in {stated}, --unit says {given}: read it without --unit")
     return unit
 
 
