@@ -82,3 +82,19 @@ def test_two_arrays_that_may_each_be_the_points_are_refused_by_name(tmp_path):
     savemat(tmp_path / "two.mat", {"left": points, "right": 2.0 * points, "turn": np.eye(3)})
     with pytest.raises(ShapeError, match="left, right may each be the points: save one of them"):
         open_recording(tmp_path / "two.mat", "mm")
+
+
+HDF5 = b"\x89HDF\r\n\x1a\n"
+HEAD = b"MATLAB 7.3 MAT-file, Platform: GLNXA64, Created on: Mon Jan 15 12:00:00 2024 HDF5 schema 1.00 ."
+
+
+@pytest.mark.parametrize("content", [HEAD.ljust(124) + b"\x00\x02IM".ljust(388, b"\0") + HDF5, HDF5])
+def test_version_7_3_is_refused_with_what_to_type_in_matlab_whatever_its_size(tmp_path, content):
+    path = tmp_path / "trial.mat"
+    path.write_bytes(content + bytes(1000))
+    with path.open("r+b") as file:
+        file.truncate(200 << 20)
+    with pytest.raises(
+        SourceError, match=r"save\('trial_v7.mat', '-v7'\), or writematrix\(points, 'trial.csv'\)"
+    ):
+        open_recording(path, "mm")

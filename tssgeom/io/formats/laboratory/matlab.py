@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from tssgeom.errors import SourceError
-from tssgeom.io.formats.paths import bytes_of, require_room, room
+from tssgeom.io.formats.paths import bytes_of, reading, require_room, room
 
 _HEAD, _TAG = 128, 8
 """Bytes before the first element, and of the tag of each. Source: MATLAB's format 5, as all below."""
@@ -19,6 +19,8 @@ _NUMBERS = frozenset((1, 2, 3, 4, 5, 6, 7, 9, 12, 13, 16, 17, 18))
 """Kinds of elements that hold other elements, and of those that hold numbers or text."""
 _HOLDERS = frozenset((1, 2, 3, 16, 17, 18))
 """Classes of arrays of arrays: cells, structs and objects."""
+_USER_BLOCK, _HDF5 = 512, b"\x89HDF\r\n\x1a\n"
+"""Bytes before the content of a file of version 7.3, and how that begins. Source: format of HDF5."""
 _DEEPEST = 32  # arrays inside each other; chosen: deeper than what a laboratory saves
 _BLOCK = 1 << 20  # bytes that are unpacked at a time; chosen
 
@@ -38,14 +40,23 @@ def matlab_variables(path: Path) -> dict[str, Any]:
     """
     from scipy.io import loadmat
 
+    _require_no_hdf5(path)
     packed = bytes_of(path)
     if 0 not in packed[:4]:  # version 4 has a zero there, and no elements
         _require_sound(path, packed)
-    try:
-        content = loadmat(BytesIO(packed), simplify_cells=True)
-    except NotImplementedError as error:
-        raise SourceError(f"{path}: MATLAB 7.3 (HDF5): save it with -v7, or as CSV") from error
+    content = loadmat(BytesIO(packed), simplify_cells=True)
     return {name: value for name, value in content.items() if not name.startswith("__")}
+
+
+def _require_no_hdf5(path: Path) -> None:
+    """Refuse a file of version 7.3, or of Octave's -hdf5, before its size is: with what to type in MATLAB."""
+    with reading(path), path.open("rb") as file:
+        head = file.read(_USER_BLOCK + len(_HDF5))
+    if head.startswith((b"MATLAB 7.3", _HDF5)) or head.endswith(_HDF5):
+        raise SourceError(
+            f"{path}: MATLAB 7.3 (HDF5) is not read: in MATLAB, load it and "
+            f"save('{path.stem}_v7.mat', '-v7'), or writematrix(points, '{path.stem}.csv')"
+        )
 
 
 def _require_sound(path: Path, content: bytes) -> None:
