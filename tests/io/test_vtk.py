@@ -1,5 +1,6 @@
 """VTK poly lines, written by VTK itself."""
 
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -152,3 +153,39 @@ def test_another_kind_of_vtk_file_is_refused(tmp_path):
     (tmp_path / "grid.vtp").write_text('<VTKFile type="ImageData" version="0.1"><ImageData/></VTKFile>')
     with pytest.raises(SourceError, match="it holds ImageData"):
         open_recording(tmp_path / "grid.vtp", "mm")
+
+
+def segments(*numbers: int) -> list[list[int]]:
+    return [[a, b] for a, b in pairwise(numbers)]
+
+
+@pytest.mark.parametrize(
+    ("points", "lines"),
+    [
+        (ARC, segments(*range(7))),
+        (ARC, [[4, 5], [0, 1], [5, 6], [2, 3], [1, 2], [3, 4]]),
+        (ARC, [[0, 1], [2, 1], [3, 2], [3, 4], [5, 4], [5, 6]]),
+        (np.repeat(ARC, 2, axis=0)[1:-1], [[2 * k, 2 * k + 1] for k in range(6)]),
+    ],
+)
+def test_lines_of_two_points_are_joined_to_one_route_where_they_connect(tmp_path, points, lines):
+    path = written(tmp_path, points, *lines, unit="mm")
+    assert find_inputs([path]) == [path]
+    np.testing.assert_array_equal(points_of(open_recording(path)), ARC / 1000)
+
+
+def test_two_routes_of_lines_of_two_points_stay_two(tmp_path):
+    path = written(
+        tmp_path, np.vstack([ARC, ARC + 1.0]), *segments(*range(7)), *segments(*range(7, 14)), unit="mm"
+    )
+    first, second = find_inputs([path])
+    np.testing.assert_array_equal(points_of(open_recording(first)), ARC / 1000)
+    np.testing.assert_array_equal(points_of(open_recording(second)), (ARC + 1.0) / 1000)
+
+
+def test_lines_of_two_points_end_where_three_meet_and_a_ring_of_them_closes(tmp_path):
+    tree = np.vstack([ARC, ARC[3:] + np.array([0, 0, 1])])
+    path = written(tmp_path, tree, *segments(*range(7)), *segments(3, 8, 9, 10), unit="mm")
+    assert [len(points_of(open_recording(each))) for each in find_inputs([path])] == [4, 4, 4]
+    path = written(tmp_path, ARC, *segments(*range(7)), [6, 0], unit="mm")
+    np.testing.assert_array_equal(points_of(open_recording(path)), np.vstack([ARC, ARC[:1]]) / 1000)

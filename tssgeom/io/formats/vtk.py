@@ -41,6 +41,7 @@ _APPENDED = re.compile(rb"<AppendedData\b[^>]*>\s*_")
 _BLANK = re.compile(r"\s")
 _TEXT_BLOCK = 1 << 20
 """Characters of an array that are read at a time; chosen."""
+_SEGMENT = 2  # points of a line that is joined with others, and lines that meet where a chain goes on
 _AFTER = b"</AppendedData>"
 _DECOMPRESSORS: dict[str, Callable[[], Any]] = {
     "vtkZLibDataCompressor": zlib.decompressobj,
@@ -96,7 +97,7 @@ def _read_once(file: Path, stamp: Stamp) -> tuple[list[Points], str | None, Sour
         data = held.root.find("PolyData")
         if data is None:
             raise ValueError(f"it holds {held.root.get('type')}")
-        lines = [line for piece in data.findall("Piece") for line in _lines(held, piece)]
+        lines = joined_segments([line for piece in data.findall("Piece") for line in _lines(held, piece)])
         stated = _stated_unit(held, data)
         spheres = any(a.get("Name") == SPHERES for a in data.iterfind("Piece/PointData/DataArray"))
     except (ValueError, OverflowError) as error:
@@ -106,6 +107,48 @@ def _read_once(file: Path, stamp: Stamp) -> tuple[list[Points], str | None, Sour
     if not lines:
         raise ShapeError(f"{file}: no poly line in it: write the route as one line through its points")
     return lines, stated, "centreline" if spheres else None
+
+
+def joined_segments(lines: list[Points]) -> list[Points]:
+    """Return lines with those of two points joined where they connect end to end, after the longer ones.
+
+    A chain ends where more than two meet, and runs as its first line in the file does.
+    """
+    segments = [line for line in lines if len(line) == _SEGMENT]
+    if len(segments) < _SEGMENT:
+        return lines
+    _, numbers = np.unique(np.concatenate(segments), axis=0, return_inverse=True)
+    ends = numbers.reshape(-1, _SEGMENT)
+    at = dict[int, list[int]]()
+    for k, pair in enumerate(ends.tolist()):
+        for end in pair:
+            at.setdefault(end, []).append(k)
+    left = dict.fromkeys(range(len(ends)))
+    longer = iter(line for line in lines if len(line) != _SEGMENT)
+    chains = list[Points]()
+    while left:
+        first = next(iter(left))
+        del left[first]
+        ahead, behind = (_followed(ends, at, left, first, side) for side in (1, 0))
+        points = [*(segments[k][side] for k, side in reversed(behind)), *segments[first]]
+        chains.append(np.array([*points, *(segments[k][side] for k, side in ahead)]))
+    return [*longer, *chains]
+
+
+def _followed(
+    ends: NDArray[np.intp], at: dict[int, list[int]], left: dict[int, None], segment: int, side: int
+) -> list[tuple[int, int]]:
+    """Take the segments that follow one side of a first one from those left, each with its far side."""
+    way = list[tuple[int, int]]()
+    while True:
+        end = int(ends[segment, side])
+        onward = [k for k in at[end] if k in left]
+        if len(at[end]) != _SEGMENT or not onward:
+            return way
+        segment = onward[0]
+        side = 1 - int(np.flatnonzero(ends[segment] == end)[0])
+        del left[segment]
+        way.append((segment, side))
 
 
 def _lines(held: _XmlFile, piece: Element) -> list[Points]:
