@@ -10,6 +10,7 @@ from pathlib import Path
 import msgspec
 
 from pipelines import tssgeom_version
+from pipelines.batch.limits import BatchLimits
 from pipelines.batch.sources import Source, left_out_of_batch, sources_of
 from pipelines.batch.task import Outcome, Task, work
 from pipelines.batch.workers import WorkerLost, WorkerPool, worker_pool
@@ -44,26 +45,6 @@ RESUMES = "stopped: the same command goes on with the inputs that are left"
 SUMMARY, SUMMARY_CSV, REPORT = "summary.parquet", "summary.csv", "report.html"
 
 _FOLDERS = ("frames", "segments", "recordings", f"{HIDDEN}/done", ".")
-
-
-@dataclass(frozen=True, slots=True)
-class BatchLimits:
-    """How a batch is divided among workers and in its report; no number depends on it."""
-
-    most_figures: int = 500
-    """Inputs that the report draws; of all others it has the numbers and the link to the recording [1].
-    Chosen: each adds 20 to 60 kB to the page."""
-    most_outlying: int = 10
-    """Outlying inputs with a line on the terminal [1]; the report has all. Chosen."""
-    most_rows: int = 40
-    """Inputs that the table lists [1]; chosen: the height of a terminal."""
-    shared_size: int = 4 << 20
-    """Size of an input from which several workers share frames that stand alone [B].
-    Chosen: a worker takes about as long for it as for its start."""
-    worker_size: int = 4 << 20
-    """Size of all inputs for each further worker [B]. Chosen: as `shared_size`."""
-    worker_pictures: int = 30
-    """Inputs with pictures for each further worker [1]. Chosen: it draws them in the time of its start."""
 
 
 _LIMITS = BatchLimits()
@@ -135,6 +116,12 @@ def run(
 
 
 def _print_end(batch: Batch, options: BatchOptions, out: str) -> None:
+    if batch.unchanged:
+        done, total = batch.unchanged, len(batch.tasks)
+        now = f"; {total - done} computed now" if done < total else ""
+        print_line(
+            f"{done} of {total} inputs were done before and are unchanged, skipped{now} (--fresh: all)"
+        )
     if batch.left_out:
         print_line(left_out_text(batch.left_out))
     if len(several := kinds([done.row for done in batch.finished])) > 1:
@@ -200,6 +187,8 @@ class Batch:
     """Reasons, by name."""
     tally: Tally = field(default_factory=Tally)
     outlying: Sequence[OutlyingInput] = ()
+    unchanged: int = 0
+    """Inputs that an earlier run has done and that are as they were."""
 
     @property
     def finished(self) -> list[Done]:
@@ -238,6 +227,7 @@ class Batch:
             self.tally.refuse(Refusal(task.given, outcome.reason))
         else:
             self._count(task, outcome.done)
+            self.unchanged += outcome.unchanged
         frames = 0 if outcome.done is None else outcome.done.input.frames
         progress.end(task.given, frames, task.size, unchanged=outcome.unchanged)
 

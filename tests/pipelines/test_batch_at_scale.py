@@ -14,7 +14,7 @@ import numpy as np
 import pyarrow.parquet as papq
 import pytest
 
-from pipelines.batch.run import BatchLimits
+from pipelines.batch.limits import BatchLimits
 from pipelines.batch.workers import WorkerLost, worker_pool
 from tests.pipelines.alike import alike
 from tssgeom.io.results.run_record import locked
@@ -124,6 +124,23 @@ def test_what_is_unchanged_is_not_done_again(tmp_path: Path, run) -> None:
     first, second, fresh = written
     assert {name for name in first if second[name] != first[name]} == {"run1.parquet"}
     assert all(fresh[name] != second[name] for name in second)
+
+
+def test_a_batch_that_is_started_again_says_how_many_inputs_it_skipped(tmp_path: Path, run) -> None:
+    mine, out = tmp_path / "in", tmp_path / "out"
+    mine.mkdir()
+    for seed in range(3):
+        moving(mine / f"run{seed}.jsonl", seed, 3)
+    (mine / "broken.jsonl").write_text("no frame\n")
+    said = list[list[str]]()
+    for more in ((), (), ("--fresh",)):
+        outcome = run("batch", mine, "--out", out, "--no-pictures", *more)
+        said.append([line for line in outcome.out.splitlines() if "done before" in line])
+    assert said == [
+        [],
+        ["3 of 4 inputs were done before and are unchanged, skipped; 1 computed now (--fresh: all)"],
+        [],
+    ]
 
 
 def test_a_version_that_is_refused_leaves_no_table_of_the_one_before(tmp_path: Path, run) -> None:
