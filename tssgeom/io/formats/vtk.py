@@ -129,9 +129,9 @@ def joined_segments(lines: list[Points]) -> list[Points]:
     while left:
         first = next(iter(left))
         del left[first]
-        ahead, behind = (_followed(ends, at, left, first, side) for side in (1, 0))
-        points = [*(segments[k][side] for k, side in reversed(behind)), *segments[first]]
-        chains.append(np.array([*points, *(segments[k][side] for k, side in ahead)]))
+        onward, back = (_followed(ends, at, left, first, side) for side in (1, 0))
+        points = [*(segments[k][side] for k, side in reversed(back)), *segments[first]]
+        chains.append(np.array([*points, *(segments[k][side] for k, side in onward)]))
     return [*longer, *chains]
 
 
