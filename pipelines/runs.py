@@ -18,7 +18,6 @@ from tssgeom.api.inputs import sensed_frames
 from tssgeom.arrays import Vector
 from tssgeom.effects import named
 from tssgeom.errors import TssgeomError
-from tssgeom.identify.machine_run import route_of_rig
 from tssgeom.io.formats.columns import CHANNELS
 from tssgeom.io.formats.paths import stem
 from tssgeom.io.formats.runs import MeasuredRun, read_run
@@ -30,6 +29,7 @@ from tssgeom.route.pieces import Arcs
 from tssgeom.stream import FrameResult
 from tssgeom.summary import LIMITS as SUMMARY
 from tssgeom.tendon.history import last_peak
+from tssgeom.tendon.machine import route_of_rig
 from tssgeom.tendon.moving import MovingRoute
 from tssgeom.tendon.simulation import Moment
 from tssgeom.view.samples import evenly

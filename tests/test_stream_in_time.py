@@ -57,22 +57,18 @@ def test_angle_and_tension_of_a_route_that_stands_improve_as_the_root_of_the_fra
 
 @pytest.mark.parametrize(("count", "noise", "greatest"), [(24, 3e-4, 2.0), (12, 1e-3, 12.0)])
 def test_few_points_that_stand_need_few_fits_from_nothing(count, noise, greatest):
-    s = np.linspace(0.0, 0.5, 2001)
-    bend = sum(
-        size * np.exp(-0.5 * ((s - at) / 0.04) ** 2) for at, size in ((0.12, 9.0), (0.26, 12.0), (0.4, 8.0))
-    )
-    turned = np.concatenate(([0.0], np.cumsum(0.5 * (bend[1:] + bend[:-1]) * np.diff(s))))
-    way = np.column_stack((np.cos(turned), np.sin(turned), 0 * s))
-    steps = 0.5 * (way[1:] + way[:-1]) * np.diff(s)[:, None]
-    exact = np.vstack((np.zeros(3), np.cumsum(steps, axis=0)))[:: 2000 // (count - 1)][:count]
-    angle = turned[:: 2000 // (count - 1)][count - 1]
+    edges = np.linspace(0.0, 0.5, 1001)
+    s = 0.5 * (edges[1:] + edges[:-1])
+    bends = ((0.12, 9.0), (0.26, 12.0), (0.4, 8.0))
+    course = chain(np.diff(edges), sum(size * np.exp(-0.5 * ((s - at) / 0.04) ** 2) for at, size in bends))
+    exact = positions(course, np.linspace(0.0, course.total_length, count))
     rng = np.random.default_rng(3)
     frames = [
         Frame(exact + noise * rng.standard_normal(exact.shape), 0.04 * i, tension_in=5.0) for i in range(150)
     ]
     results = [each for each in process(frames, Rig(), tension_in=5.0) if isinstance(each, FrameResult)]
     assert sum(each.tracked.age == 0 for each in results) < 25
-    off = np.degrees([each.arcs.total_angle - angle for each in results])
+    off = np.degrees([each.arcs.total_angle - course.total_angle for each in results])
     se = np.degrees([each.arcs.total_angle_se for each in results])
     assert np.mean(np.abs(off) < 1.96 * se) > 0.9
     assert se[-1] < greatest < 1.5 * se[0]

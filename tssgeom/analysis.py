@@ -12,6 +12,7 @@ from tssgeom.arrays import Points, Vector, read_only
 from tssgeom.frame import fit_frame
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
+from tssgeom.route.synthetic import chain, helix, positions
 from tssgeom.sensed_route import SensedRoute, sensed_route
 from tssgeom.stream import Frame, FrameResult, at_rest, pulled
 
@@ -56,21 +57,14 @@ def even_bend(arcs: Arcs) -> FrameResult:
     The tendon in it is at rest; its curve angle is known without error.
     """
     length, angle = arcs.total_length, arcs.total_angle
-    rise = _RISE if angle > 2.0 * np.pi else 0.0
-    across = np.sqrt(1.0 - rise**2)
-    share = np.linspace(0.0, 1.0, max(_LEAST, int(_A_RADIAN * angle)))
-    turned = angle / across * share
-    flat = np.column_stack((np.sinc(turned / np.pi) * share, _versine(turned) * share))
-    points = np.column_stack((across * flat, rise * share))
-    frame = Frame(read_only(length * points), length=length, source="markers")
-    result = analyse(frame, tension_in=0.0)
+    s = np.linspace(0.0, length, max(_LEAST, int(_A_RADIAN * angle)))
+    if angle <= 2.0 * np.pi:
+        points = positions(chain(np.array([length]), np.array([angle / length])), s)
+    else:
+        across, radius = np.sqrt(1.0 - _RISE**2), length / angle
+        points = helix(across**2 * radius, 2.0 * np.pi * _RISE * across * radius, s)
+    result = analyse(Frame(read_only(points), length=length, source="markers"), tension_in=0.0)
     return replace(result, fit=replace(result.fit, arcs=arcs))
-
-
-def _versine(angle: Vector) -> Vector:
-    """Return (1 - cos x) / x, 0 at 0."""
-    half = angle / 2.0
-    return np.sin(half) * np.sinc(half / np.pi)
 
 
 def analyse_same(

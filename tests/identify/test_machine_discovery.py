@@ -12,11 +12,11 @@ from tssgeom.identify.machine_discovery import discover_machine, machine_work
 from tssgeom.identify.machine_finding import MachineCampaign
 from tssgeom.identify.machine_forecast import contradiction, forecast
 from tssgeom.identify.machine_parts import parts_of
-from tssgeom.identify.machine_run import machine_run, route_of_rig
+from tssgeom.identify.machine_run import machine_run
 from tssgeom.identify.machine_selection import without_part
 from tssgeom.mechanism import Drive, End
 from tssgeom.rig import Friction, GivenRoute, Rig, Tendon
-from tssgeom.tendon.machine import play
+from tssgeom.tendon.machine import play, route_of_rig
 from tssgeom.uncertain import UNKNOWNS, Uncertain
 
 LENGTH, ANGLE, ARM, STIFF = 0.5, 3.7, 0.01, 0.25

@@ -6,8 +6,9 @@ import pytest
 pytest.importorskip("tests.lumped")
 from tests import lumped
 from tssgeom.identify.machine_calibration import calibrate_machine
-from tssgeom.identify.machine_run import machine_run, route_of_rig
+from tssgeom.identify.machine_run import machine_run
 from tssgeom.rig import Friction, GivenRoute, Rig
+from tssgeom.tendon.machine import route_of_rig
 from tssgeom.uncertain import Uncertain, assumed
 
 TIMES = np.linspace(0.0, 24.0, 481)

@@ -9,9 +9,10 @@ from msgspec.structs import replace
 pytest.importorskip("tests.lumped")
 from tests import lumped
 from tssgeom.identify.machine_calibration import calibrate_machine
-from tssgeom.identify.machine_run import machine_run, route_of_rig
+from tssgeom.identify.machine_run import machine_run
 from tssgeom.mechanism import Drive, End
 from tssgeom.rig import Friction, GivenRoute, Rig, Tendon, with_values
+from tssgeom.tendon.machine import route_of_rig
 from tssgeom.uncertain import UNKNOWNS, Uncertain, assumed
 
 TIMES = np.arange(0.0, 20.0, 0.04)

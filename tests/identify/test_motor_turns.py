@@ -6,10 +6,11 @@ import pytest
 pytest.importorskip("tests.lumped")
 from tests import lumped
 from tssgeom.identify.machine_calibration import calibrate_machine
-from tssgeom.identify.machine_run import Machines, machine_run, route_of_rig, thinned
+from tssgeom.identify.machine_run import Machines, machine_run, thinned
 from tssgeom.identify.turning import legs
 from tssgeom.mechanism import Drive, End
 from tssgeom.rig import Friction, GivenRoute, Rig, Tendon
+from tssgeom.tendon.machine import route_of_rig
 from tssgeom.uncertain import Uncertain, assumed
 
 FRICTION, COMPLIANCE, PRETENSION = 0.19, 3.6e-4, 4.0

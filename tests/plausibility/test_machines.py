@@ -13,10 +13,11 @@ from benchmarks.real_sets import BACK, FRONT, TOOL, TORQUE, read_tool, tool_file
 from tests import lumped
 from tssgeom.errors import SettingsError
 from tssgeom.identify.machine_calibration import calibrate_machine
-from tssgeom.identify.machine_run import load_remarks, machine_run, route_of_rig
+from tssgeom.identify.machine_run import load_remarks, machine_run
 from tssgeom.mechanism import Drive, End
 from tssgeom.plausibility.runs import run_remarks
 from tssgeom.rig import GivenRoute, Rig, Tendon
+from tssgeom.tendon.machine import route_of_rig
 from tssgeom.uncertain import UNKNOWNS, Uncertain
 
 ROBOT = Path(__file__).resolve().parents[3] / "shared" / "data" / "real" / "tdcr_tendon_tip"

@@ -10,6 +10,7 @@ from tssgeom import Frame, FrameResult, Rig, analyse, process
 from tssgeom.errors import SettingsError
 from tssgeom.io.formats.files import open_recording
 from tssgeom.rig import ShapeSensor, Sheath, Source
+from tssgeom.route import synthetic
 from tssgeom.route.geometry import measure
 from tssgeom.route.observations import clean
 from tssgeom.route.resolution import NO_ERRORS, angle_over_resolution, at_resolution, sheath_resolution
@@ -146,14 +147,11 @@ def test_white_noise_is_no_reason_to_count_bends_as_errors(course):
 
 @pytest.mark.parametrize("torsion", [15.0, 30.0, 55.0])
 def test_waves_and_helices_with_white_noise_have_no_bends_that_may_be_errors(torsion):
-    s = np.linspace(0.0, 0.5, 200)
-    speed = np.hypot(12.0, torsion)
-    helix = 12.0 / speed**2 * np.column_stack((np.cos(speed * s), np.sin(speed * s), 0 * s))
-    helix[:, 2] = torsion / speed * s
-    slope = 12.0 / torsion * np.sin(torsion * s)  # of a tangent: the curvature is 12 cos(torsion s)
-    way = np.column_stack((np.cos(slope), np.sin(slope), 0 * s))
-    wave = np.vstack((np.zeros(3), np.cumsum(0.5 * (way[1:] + way[:-1]), axis=0) * (s[1] - s[0])))
-    for exact, angle in ((helix, 6.0), (wave, np.trapezoid(np.abs(12.0 * np.cos(torsion * s)), s))):
+    s, square = np.linspace(0.0, 0.5, 200), 12.0**2 + torsion**2
+    edges = np.linspace(0.0, 0.5, 1001)
+    wave = chain(np.diff(edges), 12.0 * np.cos(torsion * 0.5 * (edges[1:] + edges[:-1])))
+    turning = synthetic.helix(12.0 / square, 2.0 * np.pi * torsion / square, s)
+    for exact, angle in ((turning, 6.0), (positions(wave, s), wave.total_angle)):
         for seed in range(3):
             noise = 1e-4 * np.random.default_rng(seed).standard_normal(exact.shape)
             result = analyse(exact + noise)

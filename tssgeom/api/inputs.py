@@ -16,7 +16,6 @@ from tssgeom.arrays import Vector
 from tssgeom.engine import recorded
 from tssgeom.errors import SettingsError, ShapeError, TssgeomError
 from tssgeom.identify.calibrated_run import Measured
-from tssgeom.identify.machine_run import route_of_rig
 from tssgeom.io.formats.files import open_recording
 from tssgeom.io.formats.laboratory.mapping import ColumnMap
 from tssgeom.io.formats.recording import Recording, in_order
@@ -27,6 +26,7 @@ from tssgeom.plausibility.runs import run_remarks
 from tssgeom.rig import Rig, read_rig, read_uncertain_rig
 from tssgeom.route.pieces import Arcs
 from tssgeom.stream import Frame, FrameResult, Rejected
+from tssgeom.tendon.machine import route_of_rig
 from tssgeom.tendon.moving import MovingRoute
 from tssgeom.uncertain import Uncertain, require_known
 

@@ -13,14 +13,14 @@ from tssgeom.arrays import Vector
 from tssgeom.errors import SettingsError, TssgeomError
 from tssgeom.identify.machine_calibration import calibrate_machine
 from tssgeom.identify.machine_estimates import MachineCalibration
-from tssgeom.identify.machine_run import MachineRun, machine_run, route_of_rig
+from tssgeom.identify.machine_run import MachineRun, machine_run
 from tssgeom.io.formats.runs import MeasuredRun
 from tssgeom.mechanism import tendon_count
 from tssgeom.result import Result
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.commander import Policy
-from tssgeom.tendon.machine import Machine, machine_of, routed
+from tssgeom.tendon.machine import Machine, machine_of, route_of_rig, routed
 from tssgeom.tendon.machine_command import command_machine
 from tssgeom.tendon.machine_simulation import as_read, drive_of, simulated, without_zero
 from tssgeom.uncertain import Uncertain

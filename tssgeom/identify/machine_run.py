@@ -308,20 +308,6 @@ def finely_predicted(
     return predicted(run, rig, values, bars[-1])
 
 
-def route_of_rig(rig: Rig) -> Arcs:
-    """Return the route that the rig gives by itself: an even bend.
-
-    Raises
-    ------
-    SettingsError
-        Where it gives no length or no angle.
-    """
-    length, angle = rig.route.length_m, rig.route.angle_rad
-    if length is None or angle is None:
-        raise SettingsError("no shape: give one, or route.length_m and route.angle_rad in the rig")
-    return Arcs.exact(np.array([length]), np.array([angle]))
-
-
 def load_remarks(runs: Sequence[MachineRun], rig: Rig) -> list[Remark]:
     """Return the rule that the load of runs breaks together, where the motor does not hold it."""
     return list(load_sign_remarks([Series({**run.given, **run.measured}, rig) for run in runs]))

@@ -64,9 +64,9 @@ def _unmark_ends(points: Points, mark: np.ndarray) -> None:
 
 
 def _unmark_behind_missing(points: Points, count: NDArray[np.int64], mark: np.ndarray) -> None:
-    """Unmark points at an end behind missing ones, as far off as these are: no way is longer than a chord.
+    """Unmark points at an end behind missing ones that lie no farther off than the way along these is.
 
-    The direction and the parabola of an end hold for points that follow each other.
+    The direction and the parabola of an end hold for points that follow each other only.
     """
     spacing = core.median(step_lengths(points) / np.diff(count))
     for order in (np.arange(len(points)), np.arange(len(points))[::-1]):

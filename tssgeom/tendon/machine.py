@@ -193,6 +193,20 @@ def routed(arcs: Arcs, rig: Rig) -> Arcs:
     return replace(arcs, covariance=covariance, form_variance=form)
 
 
+def route_of_rig(rig: Rig) -> Arcs:
+    """Return the route that the rig gives by itself: an even bend.
+
+    Raises
+    ------
+    SettingsError
+        Where it gives no length or no angle.
+    """
+    length, angle = rig.route.length_m, rig.route.angle_rad
+    if length is None or angle is None:
+        raise SettingsError("no shape: give one, or route.length_m and route.angle_rad in the rig")
+    return Arcs.exact(np.array([length]), np.array([angle]))
+
+
 def on_routes(machine: Machine, state: MachineState, routes: Sequence[Arcs]) -> tuple[Machine, MachineState]:
     """Move a machine to other routes: each bar keeps its tension, or its slack; docs/model.md (218)."""
     moved = machine_of(machine.rig, routes, len(machine.edge) - 1 - 2 * HALVINGS)

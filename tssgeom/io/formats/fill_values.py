@@ -9,7 +9,7 @@ import numpy as np
 from tssgeom.arrays import Matrix
 from tssgeom.io.formats.tables import Table
 
-FARTHEST = 3.0
+_FARTHEST = 3.0
 """Distance of a fill value from all other coordinates, over the diagonal of the box around these [1];
 chosen: no point of a route lies so far from all others of a recording."""
 _FEWEST = 4
@@ -28,13 +28,11 @@ def without_fill_values(table: Table) -> tuple[Table, tuple[str, ...]]:
     if columns.bend_unit is not None:
         return table, ()
     cells = np.array([table.values[axis] for axis in columns.axes])
-    cells, fills = known_cells(cells)
+    known, fills = known_cells(cells)
     if not fills:
         return table, ()
-    count = int(
-        (np.isnan(cells) & ~np.isnan([table.values[axis] for axis in columns.axes])).any(axis=0).sum()
-    )
-    values = {**table.values, **dict(zip(columns.axes, cells, strict=True))}
+    count = int((np.isnan(known) & ~np.isnan(cells)).any(axis=0).sum())
+    values = {**table.values, **dict(zip(columns.axes, known, strict=True))}
     named = " and ".join(f"{value:g}" for value in fills)
     return replace(table, values=values), (f"{count} point{'s' * (count > 1)} of {named} read as missing",)
 
@@ -52,7 +50,7 @@ def known_cells(cells: Matrix) -> tuple[Matrix, list[float]]:
             break
         low, high = np.nanmin(rest, axis=1), np.nanmax(rest, axis=1)
         beyond = np.maximum(low[:, None] - cells, cells - high[:, None])[filled].min()
-        if not beyond > FARTHEST * np.linalg.norm(high - low):
+        if not beyond > _FARTHEST * np.linalg.norm(high - low):
             break
         fills += np.unique(cells[filled]).tolist()
         cells = rest

@@ -9,7 +9,7 @@ import msgspec
 
 from tssgeom.errors import SettingsError, TssgeomError
 from tssgeom.identify.machine_finding import MachineCampaign
-from tssgeom.identify.machine_run import load_remarks, machine_run, route_of_rig
+from tssgeom.identify.machine_run import load_remarks, machine_run
 from tssgeom.io.formats.campaigns import Listed, listing_of, read_columns, read_plan, read_route, run_names
 from tssgeom.io.formats.files import output_names
 from tssgeom.io.formats.laboratory.mapping import NO_MAP, ColumnMap
@@ -20,6 +20,7 @@ from tssgeom.plausibility.frames import rig_remarks
 from tssgeom.plausibility.rules import warnings_of
 from tssgeom.rig import Rig, read_uncertain_rig
 from tssgeom.route.pieces import Arcs
+from tssgeom.tendon.machine import route_of_rig
 
 _FORCES = ("tension_in_N", "tension_out_N", "elongation_m")
 

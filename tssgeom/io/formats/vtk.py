@@ -124,7 +124,6 @@ def joined_segments(lines: list[Points]) -> list[Points]:
         for end in pair:
             at.setdefault(end, []).append(k)
     left = dict.fromkeys(range(len(ends)))
-    longer = iter(line for line in lines if len(line) != _SEGMENT)
     chains = list[Points]()
     while left:
         first = next(iter(left))
@@ -132,7 +131,7 @@ def joined_segments(lines: list[Points]) -> list[Points]:
         onward, back = (_followed(ends, at, left, first, side) for side in (1, 0))
         points = [*(segments[k][side] for k, side in reversed(back)), *segments[first]]
         chains.append(np.array([*points, *(segments[k][side] for k, side in onward)]))
-    return [*longer, *chains]
+    return [*(line for line in lines if len(line) != _SEGMENT), *chains]
 
 
 def _followed(

@@ -121,11 +121,7 @@ def _array(path: Path) -> list[RawTable]:
 
 
 def _of_matrix(
-    path: Path,
-    array: np.ndarray,
-    names: tuple[str, ...] = (),
-    units: tuple[str, ...] = (),
-    frames: int | None = None,
+    path: Path, array: np.ndarray, names: tuple[str, ...] = (), units: tuple[str, ...] = ()
 ) -> RawTable:
     """Return an array [n,k] of k columns, or [F,N,3] of points, as a table."""
     if array.dtype.kind not in "fiub":
