@@ -43,7 +43,7 @@ def test_errors_of_files_name_the_parameters_of_python(tmp_path):
     with pytest.raises(ShapeError, match=r'or give unit="mm" or unit="m"$'):
         analyse(path)
     path.write_text("x_m,y_m,z_m\n0,0,0\n1,0,0\n")
-    with pytest.raises(ShapeError, match="unit says mm: leave unit out"):
+    with pytest.raises(ShapeError, match="unit says mm: read it without unit"):
         read(path, "mm")
     path.write_text("x_m,y_m,z_m,Force [N],Load [N]\n" + "0,0,0,1,2\n1,0,0,1,2\n")
     with pytest.raises(ShapeError, match=r"give read\(…, columns=\['Force \[N\]=tension_in_N'\]\)"):
