@@ -15,17 +15,19 @@ from tssgeom.rig import Rig, Source
 from tssgeom.route.directions import NOISE_PRIOR as DIRECTION_NOISE
 from tssgeom.route.directions import estimated_noise, unit_directions
 from tssgeom.route.error_posterior import NO_POSTERIOR
-from tssgeom.route.fibre.sensed import clean_fibre, fit_fibre, sensed_shape
+from tssgeom.route.fibre.follow import FibreReading, follow_fibre
+from tssgeom.route.fibre.sensed import clean_fibre
 from tssgeom.route.geometry import measure
 from tssgeom.route.marker_offset import follow_markers
 from tssgeom.route.model_choice import NOISE_PRIOR as POINT_NOISE
+from tssgeom.route.noise_in_time import noise_growth, noise_left
 from tssgeom.route.observations import MIN_POINTS, Shape, are_few, clean
 from tssgeom.route.order import along_the_shortest_path
 from tssgeom.route.resolution import NO_ERRORS, SharedErrors, sheath_resolution
 from tssgeom.route.route_fit import RouteFit
 from tssgeom.route.shared_errors import posterior_of_source, with_hidden_errors, with_shared_errors
 from tssgeom.route.stated_noise import contradicted as contradicted_noise
-from tssgeom.route.time_filter import PointFilter, begun, filtered, noise_growth, noise_left
+from tssgeom.route.time_filter import PointFilter, begun, filtered
 from tssgeom.route.tip import TipReadings, fit_tip
 from tssgeom.route.tracking import NotWarmError, TrackedFit, follow
 from tssgeom.tendon.capstan import check_tension
@@ -95,15 +97,12 @@ def fit_frame(
         Where they give no finite curve.
     """
     if frame.curvatures is not None:
-        fibre = clean_fibre(frame.curvatures, frame.stations)
         stated = curvature_noise_of(frame, rig)
-        known = None if last is not None and last.noise_contradicted else stated
-        fitted = fit_fibre(fibre, known, last=None if last is None else last.fibre_noise)
-        fit, contradicted = fitted.fit, stated is not None and fitted.curvature_noise > stated
+        reading = FibreReading(frame.curvatures, frame.stations, frame.time, stated)
+        shape, tracked = follow_fibre(reading, last, now, time_filter=rig.shape.time_filter)
         if rig.shape.noise is not None and stated is None:
-            fit = fit.warned(_NOISE_OF_POINTS)
-        tracked = TrackedFit(fit, fibre.index, fibre_noise=fitted.start, noise_contradicted=contradicted)
-        return sensed_shape(fibre, fit), tracked
+            tracked = replace(tracked, fit=tracked.fit.warned(_NOISE_OF_POINTS))
+        return shape, tracked
     if (ends := _ends(frame, rig)) is not None:
         return _fit_ends(ends)
     stated, given = _noise_that_counts(frame, rig, last), rig.shape

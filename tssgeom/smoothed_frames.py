@@ -7,10 +7,14 @@ from contextlib import suppress
 from itertools import islice
 from typing import NamedTuple, TypeVar
 
+import numpy as np
+
 from tssgeom.errors import TssgeomError
 from tssgeom.frame import Frame, fit_frame
 from tssgeom.rig import Rig
-from tssgeom.route.time_filter import PointFilter, smoothed
+from tssgeom.route.fibre.follow import stretches
+from tssgeom.route.time_filter import PointFilter
+from tssgeom.route.time_smoother import smoothed
 
 _T = TypeVar("_T")
 
@@ -31,18 +35,30 @@ _WINDOW = Window()
 
 def smoothed_in_time(frames: Sequence[object], rig: Rig) -> dict[int, PointFilter]:
     """Filter the points of recorded frames by those before and after each; by the count of the frame."""
-    usable = {
-        i: frame for i, frame in enumerate(frames) if isinstance(frame, Frame) and frame.curvatures is None
-    }
-    if not rig.shape.time_filter or len(usable) < 2:
+    every = {i: frame for i, frame in enumerate(frames) if isinstance(frame, Frame)}
+    if not rig.shape.time_filter or len(every) < 2:
         return {}
+    first = next(iter(every.values()))
+    usable = {i: frame for i, frame in every.items() if _goes_on(frame, first)}
+    of_fibre = first.curvatures is not None
+    cell = None if first.stations is None or not of_fibre else stretches(first.stations)
     for frame in usable.values():
         with suppress(TssgeomError, ArithmeticError):
-            noise = fit_frame(frame, rig)[1].fit.noise
-            points, times = zip(*((one.points, one.time) for one in usable.values()), strict=True)
-            results = zip(usable, smoothed(points, times, noise), strict=True)
-            return {i: points for i, points in results if points is not None}
+            tracked = fit_frame(frame, rig)[1]
+            noise = tracked.fit.noise if tracked.fibre_noise is None else tracked.fibre_noise.noise
+            points = [one.points if one.curvatures is None else one.curvatures for one in usable.values()]
+            results = smoothed(points, [one.time for one in usable.values()], noise, cell)
+            return {i: now for i, now in zip(usable, results, strict=True) if now is not None}
     return {}
+
+
+def _goes_on(frame: Frame, first: Frame) -> bool:
+    """Whether a frame has points as the first one has, or gratings at the same stations."""
+    if frame.curvatures is None or first.curvatures is None:
+        return frame.curvatures is first.curvatures
+    if frame.stations is None or first.stations is None:
+        return False
+    return np.array_equal(frame.stations, first.stations)
 
 
 def smoothed_in_windows(frames: Iterable[_T], rig: Rig) -> Iterator[tuple[_T, PointFilter | None]]:

@@ -42,14 +42,16 @@ def _draws(given, nodes_each=2, count=4000):
     node = np.interp(np.arange(m) / nodes_each, np.arange(len(s)), s)
     rng = np.random.default_rng(0)
     uniform, normal = rng.random((count, 2 * len(s))), rng.standard_normal((count, 8 * len(s)))
-    return node, core.fibre_draws(*given, node, uniform, normal)
+    evidence, *draws = core.fibre_draws(*given, node, uniform, normal)
+    assert evidence == core.fibre_evidence(*given)[0] or math.isnan(evidence)
+    return node, draws
 
 
 def test_draws_have_the_moments_of_the_posterior():
     for seed in range(6):
         given = (*_sites(seed, 6), *KINDS, RATE)
         first, second = twin.posterior(*given)
-        _, (curvature, _, _) = _draws(given)
+        _, (curvature, *_) = _draws(given)
         at_sites = curvature[:, ::2]
         sd = np.sqrt(second - first**2)
         error = np.abs(at_sites.mean(axis=0) - first) / sd * math.sqrt(4000)
@@ -59,8 +61,8 @@ def test_draws_have_the_moments_of_the_posterior():
 
 def test_angles_are_the_integral_of_the_magnitude_of_each_draw():
     given = (*_sites(3, 6), *KINDS, RATE)
-    node, (curvature, angle, _) = _draws(given, nodes_each=400, count=50)
-    magnitude = np.linalg.norm(curvature, axis=2)
+    node, (curvature, magnitude, angle, _) = _draws(given, nodes_each=400, count=50)
+    assert magnitude == pytest.approx(np.linalg.norm(curvature, axis=2), rel=1e-12)
     whole = np.sum(0.5 * (magnitude[:, 1:] + magnitude[:, :-1]) * np.diff(node), axis=1)
     # they differ in the cells of joints, 1/400 of the spacing wide
     assert angle[:, -1] == pytest.approx(whole, abs=0.02)
@@ -70,7 +72,7 @@ def test_angles_are_the_integral_of_the_magnitude_of_each_draw():
 def test_a_draw_is_smooth_where_a_piece_of_it_is():
     s, bend, precision = _sites(2, 6)
     only = [(KINDS[:, [k]] / np.array([[1.0], [1.0], [KINDS[2, k]]])) for k in (1, 2)]
-    smooth = [_draws((s, bend, precision, *each, RATE))[1][2] for each in only]
+    smooth = [_draws((s, bend, precision, *each, RATE))[1][3] for each in only]
     assert not smooth[0].any()
     assert smooth[1].all()
 
@@ -80,7 +82,7 @@ def test_numbers_that_are_none_end_without_a_result(index):
     given = list(_sites(1, 6))
     given[index] = np.full_like(given[index], math.nan)
     assert math.isnan(core.fibre_evidence(*given, *KINDS, RATE)[0])
-    assert len(_draws((*given, *KINDS, RATE), count=3)[1][1]) == 3
+    assert len(_draws((*given, *KINDS, RATE), count=3)[1][2]) == 3
 
 
 def test_nodes_that_do_not_divide_the_sites_are_refused():

@@ -4,8 +4,8 @@
 #include <string.h>
 
 /* Of the weight of all pieces, below which one is left out, and scale of a weight that is kept in range. */
-static const double NEGLIGIBLE = 1e-10, LARGE = 1e100;
-enum { TERMS = 30 };
+static const double NEGLIGIBLE = 1e-8, LARGE = 1e100;
+enum { TERMS = 20 };
 
 /* Transition of the states over a step, and the covariance that it adds. */
 typedef struct {
@@ -25,7 +25,7 @@ typedef struct {
 
 /* A piece that may end at a site. */
 typedef struct {
-    double weight;
+    double upto; /* sum of the weights of those before it and its own */
     int64_t kind, start;
 } Last;
 
@@ -33,20 +33,30 @@ typedef struct {
 typedef struct {
     int64_t n, k;
     const double *s, (*bend)[2], *precision, *variance, *decay, *share, rate;
+    Step *steps;                       /* of each kind to each site [k][n] */
+    double (*prior)[STATES][STATES];   /* covariance of each kind where a piece begins [k] */
 } Fibre;
 
-static double factorial(int64_t n) { return n < 2 ? 1.0 : (double)n * factorial(n - 1); }
+enum { MOMENTS = 2 * STATES - 1 };
+static const double FACTORIAL[MOMENTS] = {1.0, 1.0, 2.0, 6.0, 24.0, 120.0, 720.0};
 
-/* ∫ u^m exp(−2λu) du from 0 to h. */
-static double moment(int64_t m, double decay, double h) {
-    double x = 2.0 * decay * h, sum = 0.0, term = 1.0, whole = factorial(m) / pow(2.0 * decay, (double)(m + 1));
-    if (isinf(h)) return whole;
-    if (x < 2.0) {
-        for (int64_t i = 0; i < TERMS; i++) sum += term / (double)(m + i + 1), term *= -x / (double)(i + 1);
-        return sum * pow(h, (double)(m + 1));
+static double power(double x, int64_t n) { return n > 0 ? x * power(x, n - 1) : 1.0; }
+
+/* ∫ u^m exp(−2λu) du from 0 to h, for each m; the greatest by a series or in closed form, the others from it. */
+static void moments(double decay, double h, double out[MOMENTS]) {
+    const int64_t top = MOMENTS - 1;
+    double rate = 2.0 * decay, x = rate * h, less = exp(-x), sum = 0.0;
+    if (isinf(h)) {
+        for (int64_t m = 0; m < MOMENTS; m++) out[m] = FACTORIAL[m] / power(rate, m + 1);
+        return;
     }
-    for (int64_t i = 0; i <= m; i++) sum += term, term *= x / (double)(i + 1);
-    return whole * (1.0 - exp(-x) * sum);
+    double term = x < 2.0 ? 1.0 / (double)MOMENTS : 1.0, whole = FACTORIAL[top] / power(rate, top + 1);
+    if (x < 2.0)
+        for (int64_t i = 0; i < TERMS; i++) sum += term, term *= x / (double)(MOMENTS + 1 + i);
+    else
+        for (int64_t i = 0; i <= top; i++) sum += term, term *= x / (double)(i + 1);
+    out[top] = x < 2.0 ? less * power(h, top + 1) * sum : whole * (1.0 - less * sum);
+    for (int64_t m = top; m > 0; m--) out[m - 1] = (rate * out[m] + power(h, m) * less) / (double)m;
 }
 
 /* Covariance of the states, grown over a step h; infinite for that of the prior; docs/model.md (37). */
@@ -57,11 +67,12 @@ static void grown(double variance, double decay, double h, double out[STATES][ST
         return;
     }
     const int64_t p = STATES - 1;
-    double intensity = variance * pow(2.0 * decay, 2.0 * STATES - 1.0) * squared(factorial(p)) / factorial(2 * p);
+    double intensity = variance * power(2.0 * decay, 2 * p + 1) * squared(FACTORIAL[p]) / FACTORIAL[2 * p];
+    double moment[MOMENTS];
+    moments(decay, h, moment);
     for (int64_t i = 0; i < STATES; i++)
         for (int64_t j = i; j < STATES; j++)
-            out[i][j] = out[j][i] =
-                intensity * moment(2 * p - i - j, decay, h) / (factorial(p - i) * factorial(p - j));
+            out[i][j] = out[j][i] = intensity * moment[2 * p - i - j] / (FACTORIAL[p - i] * FACTORIAL[p - j]);
 }
 
 static Step step_over(double h, double variance, double decay) {
@@ -70,7 +81,7 @@ static Step step_over(double h, double variance, double decay) {
     for (int64_t i = 0; i < STATES; i++)
         for (int64_t j = i; j < STATES; j++)
             if (i == j || decay > 0.0)
-                step.over[i][j] = step.columns[j][i] = less * pow(h, (double)(j - i)) / factorial(j - i);
+                step.over[i][j] = step.columns[j][i] = less * power(h, j - i) / FACTORIAL[j - i];
     grown(variance, decay, h, step.added);
     return step;
 }
@@ -113,16 +124,27 @@ static inline double goes_on(const Fibre *of, int64_t start, int64_t site) {
     return 1.0 / (1.0 + of->rate * (of->s[site] - of->s[start]));
 }
 
+/* Compute steps and priors once, where there is room for them. */
+static void prepare(Fibre *of, double work[]) {
+    of->steps = (Step *)work;
+    of->prior = (double(*)[STATES][STATES])(work + of->k * of->n * OF_STEP);
+    for (int64_t k = 0; k < of->k; k++) {
+        grown(of->variance[k], of->decay[k], INFINITY, of->prior[k]);
+        for (int64_t i = 0; i < of->n; i++)
+            of->steps[k * of->n + i] =
+                step_over(i > 0 ? of->s[i] - of->s[i - 1] : 0.0, of->variance[k], of->decay[k]);
+    }
+}
+
 /* Take one site more into all pieces of a kind, and begin one there. */
 static void extend(const Fibre *of, int64_t kind, int64_t j, Piece pieces[], int64_t count, double log_total) {
     double variance = of->variance[kind], decay = of->decay[kind];
-    Step step = step_over(j > 0 ? of->s[j] - of->s[j - 1] : 0.0, variance, decay);
     double straight = -0.5 * of->precision[j] * (squared(of->bend[j][0]) + squared(of->bend[j][1]));
     pieces[count] = (Piece){.start = (double)j, .exponent = log_total + log(of->share[kind]), .scale = 1.0};
-    grown(variance, decay, INFINITY, pieces[count].at.covariance);
+    memcpy(pieces[count].at.covariance, of->prior[kind], sizeof of->prior[kind]);
     for (int64_t e = 0; e <= count; e++) {
         Piece *piece = pieces + e;
-        if (decay > 0.0 && e < count) carry(&step, &piece->at);
+        if (decay > 0.0 && e < count) carry(of->steps + kind * of->n + j, &piece->at);
         if (variance > 0.0)
             piece->exponent += observe(&piece->at, of->bend[j], of->precision[j], &piece->scale);
         else
@@ -152,7 +174,7 @@ static double forward(
                 double weight = exp(own[e].exponent - log_total) / own[e].scale, on = goes_on(of, start, j);
                 double ends = weight * (j + 1 < of->n ? on - goes_on(of, start, j + 1) : on);
                 going += further[k * of->n + e] = weight * on, ending += ends;
-                if (last) last[entries++] = (Last){ends, k, start};
+                if (last) last[entries++] = (Last){ending, k, start};
                 if (ends * likeliest[start] > best)
                     best = ends * likeliest[start], origin[j + 1] = start, kind[j + 1] = k;
             }
@@ -178,10 +200,11 @@ void tss_fibre_evidence(
     int64_t n, int64_t k, const double s[n], const double bend[n][2], const double precision[n],
     const double variance[k], const double decay[k], const double share[k], double rate,
     double *log_evidence, int64_t origin[n + 1], int64_t kind[n + 1],
-    double work[30 * k * n + 3 * n + 4 * k]) {
-    Fibre of = {n, k, s, bend, precision, variance, decay, share, rate};
+    double work[79 * k * n + 3 * n + 20 * k]) {
+    Fibre of = {n, k, s, bend, precision, variance, decay, share, rate, NULL, NULL};
     origin[0] = kind[0] = 0;
-    *log_evidence = forward(&of, origin, kind, NULL, NULL, work);
+    prepare(&of, work);
+    *log_evidence = forward(&of, origin, kind, NULL, NULL, work + k * n * OF_STEP + k * STATES * STATES);
 }
 
 /* Lower triangle L of a covariance L Lᵀ; 0 where it has none. */
@@ -195,63 +218,91 @@ static void root_of(double covariance[STATES][STATES], double root[STATES][STATE
         }
 }
 
-static void solve_lower(double root[STATES][STATES], double x[STATES]) {
-    for (int64_t a = 0; a < STATES; a++) {
-        for (int64_t c = 0; c < a; c++) x[a] -= root[a][c] * x[c];
-        x[a] = root[a][a] > 0.0 ? x[a] / root[a][a] : 0.0;
-    }
+/* The states at a site of a piece, by the sites up to there; and how they depend on those at the next site. */
+typedef struct {
+    Smooth filtered;
+    double root[STATES][STATES], gain[STATES][STATES], after[2][STATES]; /* by columns */
+} Site;
+
+/* A piece of a draw, between arc lengths; `next` is another one of the same kind that begins at the same site. */
+typedef struct {
+    int64_t end, draw, next;
+    double left, right;
+} Drawn;
+
+/* Columns of a lower triangle, as `root_of`. */
+static void columns_of(double covariance[STATES][STATES], double column[STATES][STATES]) {
+    double root[STATES][STATES];
+    root_of(covariance, root);
+    for (int64_t a = 0; a < STATES; a++)
+        for (int64_t b = 0; b < STATES; b++) column[b][a] = root[a][b];
 }
 
-/* States at a site given those sampled at the next one. */
-static void given_next(const Step *step, const double next[2][STATES], Smooth *at) {
-    double with[STATES][STATES], root[STATES][STATES], gain[STATES][STATES];
-    Smooth after = *at;
-    across(step, at, with);
+/* Gain of the states at a site by those at the next one, and the root of the covariance that is left. */
+static void link_to_next(const Step *step, Site *site) {
+    double with[STATES][STATES], root[STATES][STATES], left[STATES][STATES];
+    Smooth after = site->filtered;
+    across(step, &site->filtered, with);
     carry(step, &after);
+    memcpy(site->after, after.mean, sizeof site->after);
     root_of(after.covariance, root);
-    for (int64_t b = 0; b < STATES; b++) {
-        for (int64_t a = 0; a < STATES; a++) gain[b][a] = with[a][b];
-        solve_lower(root, gain[b]);
-    }
-    for (int64_t e = 0; e < 2; e++) {
-        double off[STATES];
-        for (int64_t a = 0; a < STATES; a++) off[a] = next[e][a] - after.mean[e][a];
-        solve_lower(root, off);
-        for (int64_t b = 0; b < STATES; b++)
-            for (int64_t a = 0; a < STATES; a++) at->mean[e][b] += gain[b][a] * off[a];
+    memcpy(left, site->filtered.covariance, sizeof left);
+    for (int64_t b = 0; b < STATES; b++) { /* each state apart: x = root⁻¹ with, then its gain root⁻ᵀ x */
+        for (int64_t a = 0; a < STATES; a++) {
+            double x = with[a][b];
+            for (int64_t c = 0; c < a; c++) x -= root[a][c] * with[c][b];
+            with[a][b] = root[a][a] > 0.0 ? x / root[a][a] : 0.0;
+        }
+        for (int64_t a = STATES - 1; a >= 0; a--) {
+            double x = with[a][b];
+            for (int64_t c = a + 1; c < STATES; c++) x -= root[c][a] * site->gain[c][b];
+            site->gain[a][b] = root[a][a] > 0.0 ? x / root[a][a] : 0.0;
+        }
     }
     for (int64_t a = 0; a < STATES; a++)
         for (int64_t b = 0; b < STATES; b++)
-            for (int64_t c = 0; c < STATES; c++) at->covariance[a][b] -= gain[a][c] * gain[b][c];
+            for (int64_t c = 0; c < STATES; c++) left[a][b] -= with[c][a] * with[c][b];
+    columns_of(left, site->root);
 }
 
-/* Draw the states at the sites from `start` to before `end`. */
-static void draw_states(
-    const Fibre *of, int64_t kind, int64_t start, int64_t end, const Step steps[], const double normal[],
-    Smooth filtered[], double state[][2][STATES]) {
+/* Filter a piece of a kind from `start` to before `end`, for all draws of it. */
+static void filter_piece(
+    const Fibre *of, int64_t kind, int64_t start, int64_t end, Site sites[]) {
     double decay = of->decay[kind], scale = 1.0;
     Smooth at = {.mean = {{0.0}}};
-    grown(of->variance[kind], decay, INFINITY, at.covariance);
+    const Step *steps = of->steps + kind * of->n;
+    memcpy(at.covariance, of->prior[kind], sizeof at.covariance);
     for (int64_t i = start; i < end; i++) {
-        if (i > start && decay > 0.0) carry(steps + kind * of->n + i, &at);
+        if (i > start && decay > 0.0) carry(steps + i, &at);
         observe(&at, of->bend[i], of->precision[i], &scale);
-        filtered[i] = at;
+        sites[i].filtered = at;
+        if (i + 1 < end && decay > 0.0) link_to_next(steps + i + 1, sites + i);
     }
+}
+
+/* Draw the states at the sites of a filtered piece. */
+static void draw_states(
+    double decay, int64_t start, int64_t end, const Site sites[], const double normal[],
+    double state[][2][STATES]) {
+    double root[STATES][STATES];
+    Smooth last = sites[end - 1].filtered;
+    columns_of(last.covariance, root);
     for (int64_t i = end - 1; i >= start; i--) {
         if (i + 1 < end && decay == 0.0) {
             memcpy(state[i], state[i + 1], sizeof state[i]);
             continue;
         }
-        double root[STATES][STATES];
-        if (i + 1 < end)
-            given_next(steps + kind * of->n + i + 1, (const double(*)[STATES])state[i + 1], filtered + i);
-        root_of(filtered[i].covariance, root);
-        for (int64_t e = 0; e < 2; e++)
-            for (int64_t a = 0; a < STATES; a++) {
-                state[i][e][a] = filtered[i].mean[e][a];
-                for (int64_t b = 0; b <= a; b++)
-                    state[i][e][a] += root[a][b] * normal[NORMALS * i + STATES * e + b];
+        const Site *site = sites + i;
+        const double(*column)[STATES] = i + 1 < end ? site->root : (const double(*)[STATES])root;
+        for (int64_t e = 0; e < 2; e++) {
+            const double *given = normal + NORMALS * i + STATES * e;
+            Lanes drawn = load(site->filtered.mean[e]);
+            for (int64_t b = 0; b < STATES; b++) {
+                if (i + 1 < end) drawn += (state[i + 1][e][b] - site->after[e][b]) * load(site->gain[b]);
+                drawn += given[b] * load(column[b]);
             }
+            store(drawn, state[i][e]);
+        }
     }
 }
 
@@ -277,53 +328,81 @@ static double curvature_at(
     return sqrt(squared(out[0]) + squared(out[1]));
 }
 
+/* Cut the fibre for each draw, from the distal end; `head` begins the list of the pieces of a kind from a site. */
+static void draw_pieces(
+    const Fibre *of, const Last last[], const int64_t first[], int64_t d, const double uniform[][2 * of->n],
+    int64_t head[], Drawn drawn[], uint8_t smooth[]) {
+    int64_t count = 0;
+    for (int64_t c = 0; c < of->k * of->n; c++) head[c] = -1;
+    for (int64_t c = 0; c < d; c++) {
+        const double *chance = uniform[c];
+        double right = of->s[of->n - 1];
+        smooth[c] = 0;
+        for (int64_t end = of->n, start; end > 0; end = start) {
+            double left = of->s[0], share = *chance++ * last[first[end] - 1].upto;
+            int64_t e = first[end - 1], latest = first[end] - 1;
+            while (e < latest) { /* by bisection */
+                int64_t middle = (e + latest) / 2;
+                if (last[middle].upto < share) e = middle + 1;
+                else latest = middle;
+            }
+            start = last[e].start;
+            if (start > 0) left = of->s[start - 1] + *chance++ * (of->s[start] - of->s[start - 1]);
+            smooth[c] |= of->decay[last[e].kind] > 0.0;
+            int64_t *begin = head + last[e].kind * of->n + start;
+            drawn[count] = (Drawn){end, c, *begin, left, right};
+            *begin = count++, right = left;
+        }
+    }
+}
+
 status tss_fibre_draws(
     int64_t n, int64_t k, int64_t m, int64_t d, const double s[n], const double bend[n][2],
     const double precision[n], const double variance[k], const double decay[k], const double share[k],
     double rate, const double node[m], const double uniform[d][2 * n], const double normal[d][8 * n],
-    double curvature[d][m][2], double angle[d][m], uint8_t smooth[d],
-    double work[3 * k * n * n + 85 * k * n + 64 * n + 4 * k]) {
-    Fibre of = {n, k, s, bend, precision, variance, decay, share, rate};
+    double *log_evidence, double curvature[d][m][2], double magnitude[d][m], double angle[d][m],
+    uint8_t smooth[d],
+    double work[3 * k * n * n + 85 * k * n + 80 * n + 20 * k + 5 * d * n]) {
+    Fibre of = {n, k, s, bend, precision, variance, decay, share, rate, NULL, NULL};
     if (n < 2 || k < 1 || m < 2 || (m - 1) % (n - 1)) return WRONG_SIZE;
     const int64_t each = (m - 1) / (n - 1);
     Last *last = (Last *)work;
     work += 3 * k * n * (n + 1) / 2 + 3;
     int64_t *first = (int64_t *)work, *origin = first + n + 1, *kind = origin + n + 1;
-    Step *steps = (Step *)(work += 3 * n + 3);
-    Smooth *filtered = (Smooth *)(work += k * n * OF_STEP);
-    double(*state)[2][STATES] = (double(*)[2][STATES])(work += n * (OF_PIECE - 3));
-    work += n * NORMALS;
-    forward(&of, origin, kind, last, first, work);
-    for (int64_t c = 0; c < k * n; c++)
-        steps[c] = step_over(c % n ? s[c % n] - s[c % n - 1] : 0.0, variance[c / n], decay[c / n]);
-    for (int64_t c = 0; c < d; c++) {
-        const double *chance = uniform[c];
-        double right = s[n - 1];
-        memset(angle[c], 0, (size_t)m * sizeof(double));
-        smooth[c] = 0;
-        for (int64_t end = n, start; end > 0; end = start) {
-            double total = 0.0, left = s[0], value, at, here[2];
-            int64_t e = first[end - 1];
-            for (int64_t i = e; i < first[end]; i++) total += last[i].weight;
-            for (total *= *chance++; e + 1 < first[end] && (total -= last[e].weight) > 0.0;) e++;
-            int64_t of_kind = last[e].kind, near = start = last[e].start;
-            if (start > 0) left = s[start - 1] + *chance * (s[start] - s[start - 1]);
-            chance += start > 0;
-            draw_states(&of, of_kind, start, end, steps, normal[c], filtered, state);
-            smooth[c] |= decay[of_kind] > 0.0;
-            value = curvature_at(&of, decay[of_kind], start, end, state, &near, at = left, here);
-            int64_t a = start > 0 ? (start - 1) * each + 1 : 0;
-            for (; a < m && (end == n || node[a] < right); a++) {
-                if (node[a] < left) continue;
-                double next = curvature_at(&of, decay[of_kind], start, end, state, &near, node[a], curvature[c][a]);
-                angle[c][a] += 0.5 * (value + next) * (node[a] - at);
+    prepare(&of, work += 3 * n + 3);
+    Site *sites = (Site *)(work += k * n * OF_STEP + k * STATES * STATES);
+    double(*state)[2][STATES] = (double(*)[2][STATES])(work += n * OF_SITE);
+    Drawn *drawn = (Drawn *)(work += n * NORMALS);
+    int64_t *head = (int64_t *)(work += 5 * d * n);
+    work += k * n;
+    *log_evidence = forward(&of, origin, kind, last, first, work);
+    draw_pieces(&of, last, first, d, uniform, head, drawn, smooth);
+    memset(angle[0], 0, (size_t)(d * m) * sizeof(double));
+    for (int64_t c = 0; c < k * n; c++) {
+        const int64_t of_kind = c / n, start = c % n;
+        int64_t longest = start;
+        for (int64_t e = head[c]; e >= 0; e = drawn[e].next)
+            if (drawn[e].end > longest) longest = drawn[e].end;
+        filter_piece(&of, of_kind, start, longest, sites);
+        for (int64_t e = head[c]; e >= 0; e = drawn[e].next) {
+            const Drawn piece = drawn[e];
+            double value, at, here[2], *to = angle[piece.draw];
+            int64_t near = start, a = start > 0 ? (start - 1) * each + 1 : 0;
+            draw_states(decay[of_kind], start, piece.end, sites, normal[piece.draw], state);
+            value = curvature_at(&of, decay[of_kind], start, piece.end, state, &near, at = piece.left, here);
+            for (; a < m && (piece.end == n || node[a] < piece.right); a++) {
+                if (node[a] < piece.left) continue;
+                double *bent = curvature[piece.draw][a];
+                double next = curvature_at(&of, decay[of_kind], start, piece.end, state, &near, node[a], bent);
+                magnitude[piece.draw][a] = next;
+                to[a] += 0.5 * (value + next) * (node[a] - at);
                 value = next, at = node[a];
             }
-            double next = curvature_at(&of, decay[of_kind], start, end, state, &near, right, here);
-            if (a < m) angle[c][a] += 0.5 * (value + next) * (right - at);
-            right = left;
+            double next = curvature_at(&of, decay[of_kind], start, piece.end, state, &near, piece.right, here);
+            if (a < m) to[a] += 0.5 * (value + next) * (piece.right - at);
         }
-        for (int64_t a = 1; a < m; a++) angle[c][a] += angle[c][a - 1];
     }
+    for (int64_t c = 0; c < d; c++)
+        for (int64_t a = 1; a < m; a++) angle[c][a] += angle[c][a - 1];
     return DONE;
 }

@@ -6,7 +6,8 @@ enum {
     STATES = 4, /* of a smooth component y_k = (d/ds + λ)^k κ; Matérn covariance of the order 7/2 */
     NORMALS = 2 * STATES,
     OF_PIECE = 3 + STATES * STATES + 2 * STATES, /* numbers of a piece that goes on */
-    OF_STEP = 3 * STATES * STATES + 1            /* and of a step along the fibre */
+    OF_STEP = 3 * STATES * STATES + 1,           /* of a step along the fibre */
+    OF_SITE = 3 * STATES * STATES + 4 * STATES   /* and of a site of a filtered piece */
 };
 
 /** ln of the evidence of curvatures at n sites, over all partitions into pieces of k kinds; docs/model.md (36).
@@ -22,16 +23,17 @@ ENTRY void tss_fibre_evidence(
     int64_t n, int64_t k, const double s[n], const double bend[n][2], const double precision[n],
     const double variance[k], const double decay[k], const double share[k], double rate,
     OUT double *log_evidence, OUT int64_t origin[n + 1], OUT int64_t kind[n + 1],
-    WORK double work[30 * k * n + 3 * n + 4 * k]);
+    WORK double work[79 * k * n + 3 * n + 20 * k]);
 
 /** Draws d from the posterior of the curvature on m nodes; docs/model.md (38).
 
 Nodes: (m - 1)/(n - 1) even ones in each interval of the sites [m]; uniform [d][2 n], normal [d][8 n]: random
-numbers. Returned are components [d][m][2] [1/m], accumulated angle [d][m] [rad], and whether a draw has a
-smooth piece [d]. */
+numbers. Returned are the evidence as of `tss_fibre_evidence`, components [d][m][2] and their magnitude [d][m]
+[1/m], accumulated angle [d][m] [rad], and whether a draw has a smooth piece [d]. */
 ENTRY status tss_fibre_draws(
     int64_t n, int64_t k, int64_t m, int64_t d, const double s[n], const double bend[n][2],
     const double precision[n], const double variance[k], const double decay[k], const double share[k],
     double rate, const double node[m], const double uniform[d][2 * n], const double normal[d][8 * n],
-    OUT double curvature[d][m][2], OUT double angle[d][m], OUT uint8_t smooth[d],
-    WORK double work[3 * k * n * n + 85 * k * n + 64 * n + 4 * k]);
+    OUT double *log_evidence, OUT double curvature[d][m][2], OUT double magnitude[d][m], OUT double angle[d][m],
+    OUT uint8_t smooth[d],
+    WORK double work[3 * k * n * n + 85 * k * n + 80 * n + 20 * k + 5 * d * n]);

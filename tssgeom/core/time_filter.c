@@ -57,14 +57,21 @@ static void waves(int64_t n, int64_t count, double *wave) {
     }
 }
 
+/* What distinguishes a motion from noise: the smoothest components of each coordinate, or one direction alone. */
+typedef struct {
+    int64_t n, count;
+    const double *wave, (*direction)[3]; /* [count][n]; or [n][3], a unit vector */
+} basis;
+
 /* Components of a field [n][3]; returns the sum of their squares. */
-static double smooth_part(
-    int64_t n, int64_t count, const double *wave, const double field[][3], double part[SMOOTH][3]) {
+static double smooth_part(const basis *of, const double field[][3], double part[SMOOTH][3]) {
     double squares = 0.0;
-    for (int64_t m = 0; m < count; m++) {
+    for (int64_t m = 0; m < of->count; m++) {
         double sum[3] = {0.0, 0.0, 0.0};
-        for (int64_t i = 0; i < n; i++)
-            for (int c = 0; c < 3; c++) sum[c] += wave[m * n + i] * field[i][c];
+        for (int64_t i = 0; i < of->n; i++)
+            for (int c = 0; c < 3; c++)
+                if (of->direction) sum[0] += of->direction[i][c] * field[i][c];
+                else sum[c] += of->wave[m * of->n + i] * field[i][c];
         for (int c = 0; c < 3; c++) part[m][c] = sum[c], squares += sum[c] * sum[c];
     }
     return squares;
@@ -74,9 +81,9 @@ static int sensed(const double point[3]) { return isfinite(point[0] + point[1] +
 
 /* Square of what second differences in time have beside their smooth part; (158). */
 static counted rough_part(
-    int64_t n, int64_t count, const double *wave, const double points[][3], const double last[][3],
-    const double before[][3], double ratio, double (*field)[3]) {
-    int64_t used = 0;
+    const basis *of, const double points[][3], const double last[][3], const double before[][3], double ratio,
+    double coordinates, double (*field)[3]) {
+    int64_t used = 0, n = of->n, count = of->count;
     double squares = 0.0, part[SMOOTH][3];
     for (int64_t i = 0; i < n; i++) {
         int all = sensed(points[i]) && sensed(last[i]) && sensed(before[i]);
@@ -88,10 +95,10 @@ static counted rough_part(
         }
     }
     if (used <= count) return (counted){0.0, 0.0};
-    squares = most(0.0, squares - smooth_part(n, count, wave, field, part));
+    squares = most(0.0, squares - smooth_part(of, field, part));
     double gain = 1.0 + squared(1.0 + ratio) + squared(ratio);
     double own = 0.5; /* neighbouring differences share points */
-    return (counted){own * 3.0 * (double)(used - count), own * squares / gain};
+    return (counted){own * coordinates * (double)(used - count), own * squares / gain};
 }
 
 /* What the filter knows of one motion: fields along the points, and their smooth components. */
@@ -106,9 +113,11 @@ static void add(int64_t n, double share, const double *values, double *sum) {
     for (int64_t i = 0; i < n; i++) sum[i] += share * values[i];
 }
 
-/* Where each motion begins a step: the mean of all, by how likely it came from them; returns its probability. */
+/* Where each motion begins a step: the mean of all, by how likely it came from them; returns its probability.
+   `whole_noise` is the sum of squares of the noise in the smooth components. */
 static double mixed(
-    int64_t n, int64_t count, const motion from[MOTIONS], const double way[MOTIONS], double r, motion *now) {
+    int64_t n, int64_t count, const motion from[MOTIONS], const double way[MOTIONS], double whole_noise,
+    motion *now) {
     double share[MOTIONS], whole = 0.0;
     for (int j = 0; j < MOTIONS; j++) share[j] = from[j].probability * way[j], whole += share[j];
     memset(now->x, 0, (size_t)n * sizeof *now->x), memset(now->v, 0, (size_t)n * sizeof *now->v);
@@ -121,7 +130,6 @@ static double mixed(
         add(3 * count, share[j], *from[j].position, *now->position);
         add(3 * count, share[j], *from[j].velocity, *now->velocity);
     }
-    double values = 3.0 * (double)count * r;
     for (int j = 0; j < MOTIONS; j++) {
         if (share[j] == 0.0) continue;
         double xx = 0.0, xv = 0.0, vv = 0.0;
@@ -131,9 +139,9 @@ static double mixed(
                 double dv = from[j].velocity[m][c] - now->velocity[m][c];
                 xx += dx * dx, xv += dx * dv, vv += dv * dv;
             }
-        now->p.xx += share[j] * (from[j].p.xx + xx / values);
-        now->p.xv += share[j] * (from[j].p.xv + xv / values);
-        now->p.vv += share[j] * (from[j].p.vv + vv / values);
+        now->p.xx += share[j] * (from[j].p.xx + xx / whole_noise);
+        now->p.xv += share[j] * (from[j].p.xv + xv / whole_noise);
+        now->p.vv += share[j] * (from[j].p.vv + vv / whole_noise);
     }
     return whole;
 }
@@ -181,18 +189,22 @@ static void judge(
 
 void tss_filter_in_time(
     int64_t n, const double memory[16][n][3], const double probability[7], const double covariance[7][3],
-    const double noise[5], const double points[n][3], double step, double most_variance,
+    const double noise[5], const double points[n][3], double step, double most_variance, int64_t coordinates,
+    const double direction[n][3],
     double memory_after[16][n][3], double probability_after[7], double covariance_after[7][3],
     double noise_after[5], double filtered[n][3], double innovation[n], double *variance,
     double *sensed_variance, double *standing, double work[11][n]) {
-    int64_t count = n < SMOOTH ? n : SMOOTH;
-    double *wave = work[0], (*field)[3] = (double(*)[3])work[SMOOTH];
-    double smooth_values = 3.0 * (double)count, unused[SMOOTH][3];
-    waves(n, count, wave);
+    double *wave = work[0], (*field)[3] = (double(*)[3])work[SMOOTH], alone = 0.0;
+    for (int64_t i = 0; i < n; i++) alone += fabs(direction[i][0]) + fabs(direction[i][1]) + fabs(direction[i][2]);
+    const int64_t count = alone > 0.0 ? 1 : n < SMOOTH ? n : SMOOTH;
+    const basis of = {n, count, wave, alone > 0.0 ? direction : NULL};
+    double smooth_values = alone > 0.0 ? 1.0 : (double)coordinates * (double)count, unused[SMOOTH][3];
+    if (!of.direction) waves(n, count, wave);
 
     counted low = {noise[0], noise[1]}, high = {noise[2], noise[3]};
     if (noise[4] > 0.0) {
-        counted more = rough_part(n, count, wave, points, memory[14], memory[15], step / noise[4], field);
+        counted more = rough_part(
+            &of, points, memory[14], memory[15], step / noise[4], (double)coordinates, field);
         high.values += more.values, high.squares += least(more.squares, more.values * most_variance);
         high = forgetting(high);
     }
@@ -206,15 +218,15 @@ void tss_filter_in_time(
         from[k].x = (double(*)[3])memory[k], from[k].v = (double(*)[3])memory[MOTIONS + k];
         from[k].p = (spread){covariance[k][0], covariance[k][1], covariance[k][2]};
         from[k].probability = probability[k];
-        smooth_part(n, count, wave, memory[k], from[k].position);
-        smooth_part(n, count, wave, memory[MOTIONS + k], from[k].velocity);
+        smooth_part(&of, memory[k], from[k].position);
+        smooth_part(&of, memory[MOTIONS + k], from[k].velocity);
     }
     judge(n, from, step, points, variance_of(joint), field, innovation);
     for (int k = 0; k < MOTIONS; k++) {
         motion now = {.x = memory_after[k], .v = memory_after[MOTIONS + k]};
-        double prior_probability = mixed(n, count, from, way[k], variance_of(joint), &now);
+        double prior_probability = mixed(n, count, from, way[k], smooth_values * variance_of(joint), &now);
         expected[k] = corrected(n, RESTLESSNESS[k], step, points, &now, field);
-        squares[k] = smooth_part(n, count, wave, field, unused);
+        squares[k] = smooth_part(&of, field, unused);
         covariance_after[k][0] = now.p.xx, covariance_after[k][1] = now.p.xv, covariance_after[k][2] = now.p.vv;
         evidence[k] = log(prior_probability) - 0.5 * smooth_values * log(expected[k])
                       - 0.5 * (joint.values + smooth_values) * log(joint.squares + squares[k] / expected[k]);
@@ -234,9 +246,9 @@ void tss_filter_in_time(
     double r = (low.squares + prior.squares) / (low.values + prior.values);
 
     double middle[SMOOTH][3], own[SMOOTH][3], p = 0.0;
-    smooth_part(n, count, wave, filtered, middle);
+    smooth_part(&of, filtered, middle);
     for (int k = 0; k < MOTIONS; k++) {
-        smooth_part(n, count, wave, memory_after[k], own);
+        smooth_part(&of, memory_after[k], own);
         double apart = 0.0;
         for (int64_t m = 0; m < count; m++)
             for (int c = 0; c < 3; c++) apart += squared(own[m][c] - middle[m][c]);

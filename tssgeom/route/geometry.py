@@ -229,7 +229,7 @@ def spline_fit(spline: Spline) -> RouteFit:
         warnings=spline.warnings,
         spline=spline,
     )
-    return smooth.with_model_choice_variance(spline.ratio_variance * arcs.total_angle**2)
+    return smooth.with_angle_variance(spline.ratio_variance * arcs.total_angle**2)
 
 
 def with_few_points_variance(smooth: RouteFit, shape: Shape) -> RouteFit:
@@ -270,7 +270,7 @@ def chain_fit(shape: Shape, data: Data, chain: Chain, pieces: ChainPieces | None
         warnings=warnings,
         chain=chain,
     )
-    return fit.with_model_choice_variance(search_variance(data, chain) * fit.arcs.total_angle_se**2)
+    return fit.with_angle_variance(search_variance(data, chain) * fit.arcs.total_angle_se**2)
 
 
 def _chain_log_evidence(data: Data, chain: Chain) -> float:

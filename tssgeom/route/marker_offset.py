@@ -103,7 +103,7 @@ def _over_rolls(shape: Shape, noise: float | None, offset: Matrix) -> tuple[Shap
     points, best = fits[k]
     more = added_variance(model_probabilities(evidence), angle, own, float(angle[k]), float(own[k]))
     by_models = best.by_models._replace(angle=best.by_models.angle + more)
-    return points, replace(best, fit=best.fit.with_model_choice_variance(more), by_models=by_models)
+    return points, replace(best, fit=best.fit.with_angle_variance(more), by_models=by_models)
 
 
 def _fitted(

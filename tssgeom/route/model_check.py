@@ -26,7 +26,7 @@ from tssgeom.route.arcs.moves import (
     work_of_promises,
 )
 from tssgeom.route.error_posterior import NO_POSTERIOR, ErrorPosterior
-from tssgeom.route.fibre.models import LastNoise
+from tssgeom.route.fibre.noise import LastNoise
 from tssgeom.route.geometry import (
     chain_data,
     chain_fit,

@@ -78,7 +78,7 @@ class SharedErrors(NamedTuple):
 
     def of_models(self, fit: RouteFit) -> RouteFit:
         """Add what other models add to a fit; the angle that a straight route may have is that of (124)."""
-        fit = self._replace(angle=0.0).beside(fit.with_model_choice_variance(self.angle))
+        fit = self._replace(angle=0.0).beside(fit.with_angle_variance(self.angle))
         form = fit.arcs.form_variance + self.form
         return replace(fit, arcs=replace(fit.arcs, form_variance=form)) if self.form > 0.0 else fit
 

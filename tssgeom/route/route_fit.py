@@ -150,7 +150,7 @@ class RouteFit(Result):
         """Return the fit with other pieces, whose angles are all this share, and without errors of angles."""
         return replace(self, arcs=arcs, nodes=Deferred(partial(_with_scaled_angle, self.nodes, share)))
 
-    def with_model_choice_variance(self, variance: float) -> RouteFit:
+    def with_angle_variance(self, variance: float) -> RouteFit:
         """Add a variance of Φ [rad²], spread over profile and pieces as the angle is; not where none is."""
         if variance == 0.0 or self.arcs.total_angle == 0.0:
             return self

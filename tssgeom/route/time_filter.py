@@ -2,13 +2,13 @@
 
 Each point is followed by itself, all with one gain, so that what is left of the noise is as white along the
 route as it was. The gain comes from how the smoothest part of all points moves: a route that stands is
-averaged over all its frames, one that leaps is followed at once.
+averaged over all its frames, one that leaps is followed at once. Curvature components of a fibre, [n, 2] in
+1/m, are filtered as points [n, 3] in m whose third coordinate is 0.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -47,6 +47,21 @@ _MOTIONS = 7  # of core/time_filter.c
 _CALM = 4  # of them, those that average over frames
 
 
+class Turning(NamedTuple):
+    """The component of curvatures that Φ depends on, filtered by how it moves itself; docs/model.md (282)."""
+
+    cell: Vector
+    """Length of the stretch that each grating stands for [n] [m]."""
+    direction: Points
+    """Unit vector of the component [n, 3] [1]."""
+    size: float
+    """Change of Φ with the component [m]."""
+    noise: float
+    """Standard deviation of the component that is left [1/m]."""
+    of_its_own: PointFilter
+    """The filter whose gain comes from this component."""
+
+
 class PointFilter(NamedTuple):
     """Points of a frame after the filter, and what it remembers for the next one."""
 
@@ -74,12 +89,20 @@ class PointFilter(NamedTuple):
     """Usual time between frames, 0 where it is not known yet [s]."""
     outlying: Vector
     """For how many frames in a row each point has leapt alone; of a missing one `patience` [n]."""
+    coordinates: int
+    """Coordinates that are sensed: 3 of a point, 2 of the curvature of a fibre."""
+    turning: Turning | None = None
+    """Of a fibre, the component of its curvatures that Φ depends on."""
 
 
-def begun(points: Points, noise: float, time: float) -> PointFilter | None:
-    """Begin with the points of a frame [n, 3] [m] and the noise of their fit [m]; None where most miss."""
-    if points.ndim != 2 or points.shape[1] != 3 or np.isinf(points).any():
+def begun(points: Points, noise: float, time: float, cell: Vector | None = None) -> PointFilter | None:
+    """Begin with the points of a frame [n, 3] [m] and the noise of their fit [m]; None where most miss.
+
+    Of curvatures [n, 2] [1/m] also the lengths of the stretches are given that each grating stands for [m].
+    """
+    if points.ndim != 2 or points.shape[1] not in (2, 3) or np.isinf(points).any():
         return None
+    coordinates, points = points.shape[1], as_points(points)
     observed = np.isfinite(points).all(axis=1)
     if np.count_nonzero(observed) < max(MIN_POINTS, 0.5 * len(points)):
         return None
@@ -94,9 +117,11 @@ def begun(points: Points, noise: float, time: float) -> PointFilter | None:
     counts = NOISE_PRIOR.values * np.array([1.0, noise**2, 1.0, noise**2, 0.0])
     probability = np.full(_MOTIONS, 1.0 / _MOTIONS)
     missing = np.where(observed, 0.0, FILTER.patience)
-    return PointFilter(
-        points, noise, noise, 0.0, (), memory, probability, covariance, counts, time, 0.0, missing
-    )
+    known = (memory, probability, covariance, counts)
+    first = PointFilter(points, noise, noise, 0.0, (), *known, time, 0.0, missing, coordinates)
+    if cell is None:
+        return first
+    return first._replace(turning=Turning(cell, np.zeros_like(filled), 0.0, noise, first))
 
 
 def filtered(before: PointFilter, points: Points, noise: float, time: float) -> PointFilter | None:
@@ -113,11 +138,11 @@ def filtered(before: PointFilter, points: Points, noise: float, time: float) -> 
     time
         Time of the frame [s]; where it does not increase, one usual step is taken to have passed.
     """
-    if points.shape != before.points.shape or not (
+    if points.shape != (len(before.points), before.coordinates) or not (
         _complete(points) or np.isfinite(points[~np.isnan(points)]).all()
     ):
         return None
-    points = read_only(points)
+    points = read_only(as_points(points))
     passed = time - before.time
     interval = before.interval or (passed if passed > 0.0 else 1.0)
     step = passed / interval if passed > 0.0 else 1.0
@@ -139,12 +164,14 @@ def filtered(before: PointFilter, points: Points, noise: float, time: float) -> 
     leapt = _leapt(distance)
     calm = before.probability[:_CALM].sum() > 0.5  # else nothing is known of where a point should be
     if not (calm and 0 < len(leapt) <= max(_EXCHANGE, OUTLIERS.share * len(points))):  # else the route moved
-        return after
+        return _turned(before, after, points, step, most)
     expected = np.tensordot(before.probability, _positions(before) + step * _velocities(before), 1)
-    points, swapped = _put_back(points, expected, leapt)
+    swapped = leapt[:0]
+    if before.coordinates == 3:
+        points, swapped = _put_back(points, expected, leapt)
     leapt = _alone(np.setdiff1d(leapt, swapped), distance, after.outlying)
     if not (len(swapped) or len(leapt)):
-        return after
+        return _turned(before, after, points, step, most)
     points = np.array(points)
     points[leapt] = np.nan
     after, _ = _advanced(before, points, step, most)
@@ -152,89 +179,43 @@ def filtered(before: PointFilter, points: Points, noise: float, time: float) -> 
     estimate[leapt] = np.tensordot(after.probability, _positions(after)[:, leapt], 1)
     outlying = np.array(after.outlying)
     outlying[leapt] = before.outlying[leapt] + 1.0
-    return after._replace(points=estimate, outlying=outlying, warnings=_warnings(swapped, leapt))
+    warnings = _warnings(swapped, leapt, before.coordinates)
+    after = after._replace(points=estimate, outlying=outlying, warnings=warnings)
+    return _turned(before, after, points, step, most)
 
 
-def noise_left(now: PointFilter, stated: float | None) -> float | None:
-    """Return the noise of filtered points [m] where that of a sensor is stated [m]; None where it is not.
+def _turned(before: PointFilter, after: PointFilter, points: Points, step: float, most: float) -> PointFilter:
+    """Take the component that Φ depends on from the filter that follows how it moves; docs/model.md (282).
 
-    What is stated beyond what changes in time is the same in every frame, and stays; docs/model.md (159).
+    All gratings may move as one while the smoothest components, taken together, seem to stand.
     """
-    if stated is None:
-        return None
-    constant = stated**2 - now.sensed_noise**2
-    if constant < FILTER.constant_share * stated**2:
-        constant = 0.0
-    return math.sqrt(constant + now.noise**2)
+    turning = before.turning
+    if turning is None:
+        return after
+    used = np.nan_to_num(before.points)
+    square = np.einsum("ic,ic->i", used, used)
+    clear = np.sqrt(square) / (square + (CHANCE.clear * before.noise) ** 2)
+    change = used * (turning.cell * clear)[:, None]
+    size = float(np.linalg.norm(change))
+    direction = change / size if size > 0.0 else change
+    own, _ = _advanced(turning.of_its_own, points, step, most, direction)
+    off = float(np.sum(direction * np.nan_to_num(own.points - after.points)))
+    left = own.noise * after.sensed_noise / own.sensed_noise
+    return after._replace(
+        points=after.points + off * direction,
+        standing=min(after.standing, own.standing),
+        turning=Turning(turning.cell, direction, size, left, own),
+    )
 
 
-def noise_growth(fitted: float, before: PointFilter | None, now: PointFilter | None) -> float:
-    """Return the noise that the fit of a frame may find, over that of the last one [1]; docs/model.md (255).
-
-    Parameters
-    ----------
-    fitted
-        Noise of the last fit [m].
-    before, now
-        The filter after the last frame and after this one; without a filter, `now` as before it, the points
-        are as sensed.
-    """
-    if before is None:
-        return 1.0
-    left = before.sensed_noise if now is None else now.noise
-    fitted = max(fitted, ROUNDING.exact * before.noise)
-    variance = fitted**2 + left**2 - before.noise**2
-    if fitted < before.noise:  # no part of it is the same in each frame
-        variance = max(variance, (fitted * left / before.noise) ** 2)
-    return math.sqrt(variance) / fitted
-
-
-def smoothed(points: Sequence[Points], times: Sequence[float], noise: float) -> list[PointFilter | None]:
-    """Filter recorded frames by those before and after them (Fraser and Potter 1969); model.md (162).
-
-    Parameters
-    ----------
-    points, times
-        The points [n, 3] [m] of each frame, NaN where one is missing, and its time [s].
-    noise
-        Noise of the fit of one frame [m].
-    """
-    forward = _passed(points, times, noise)
-    backward = _passed(points[::-1], [-time for time in times[::-1]], noise)[::-1]
-    return [
-        first if first is None or second is None else _combined(first, second, sensed)
-        for first, second, sensed in zip(forward, backward, points, strict=True)
-    ]
-
-
-def _passed(points: Sequence[Points], times: Sequence[float], noise: float) -> list[PointFilter | None]:
-    """Filter frames in order; those that cannot begin a filter have none."""
-    results, last = list[PointFilter | None](), None
-    for sensed, time in zip(points, times, strict=True):
-        # the noise of a fit of filtered points is less in proportion
-        now = None if last is None else filtered(last, sensed, noise * last.noise / last.sensed_noise, time)
-        last = begun(sensed, noise, time) if now is None else now
-        results.append(last)
-    return results
-
-
-def _combined(before: PointFilter, later_on: PointFilter, sensed: Points) -> PointFilter:
-    """Combine the estimate by this frame and those before it with that by this and those after it."""
-    own, after = (1.0 / each.noise**2 for each in (before, later_on))
-    variance = before.sensed_noise**2
-    later = after - 1.0 / variance  # both hold this frame
-    if later <= 0.0:
-        return before
-    from_later = (after * later_on.points - sensed / variance) / later
-    points = (own * before.points + later * from_later) / (own + later)
-    usable = np.isfinite(points)
-    return before._replace(points=np.where(usable, points, before.points), noise=1.0 / math.sqrt(own + later))
-
-
-def _advanced(before: PointFilter, points: Points, step: float, most: float) -> tuple[PointFilter, Vector]:
+def _advanced(
+    before: PointFilter, points: Points, step: float, most: float, direction: Points | None = None
+) -> tuple[PointFilter, Vector]:
     """Filter a frame; returns also how far each point is from where it was expected, squared [noise²]."""
+    direction = np.zeros_like(points) if direction is None else direction
     *state, estimate, distance, variance, sensed, standing = core.filter_in_time(
-        before.memory, before.probability, before.covariance, before.counts, points, step, most
+        *(before.memory, before.probability, before.covariance, before.counts),
+        *(points, step, most, before.coordinates, direction),
     )
     memory, probability, covariance, counts = state
     after = before._replace(
@@ -249,6 +230,11 @@ def _advanced(before: PointFilter, points: Points, step: float, most: float) -> 
         outlying=_missing_for(points),
     )
     return after, distance
+
+
+def as_points(sensed: Matrix) -> Points:
+    """Points [n, 3] as they are; curvature components [n, 2] with a column of zeros."""
+    return sensed if sensed.shape[1] == 3 else np.column_stack((sensed, np.zeros(len(sensed))))
 
 
 def _complete(points: Points) -> bool:
@@ -306,16 +292,20 @@ def _begun_anew(before: PointFilter, points: Points, which: np.ndarray) -> Point
     memory = np.array(before.memory)
     memory[:_MOTIONS, which] = points[which]
     memory[_MOTIONS : 2 * _MOTIONS, which] = 0.0
-    return before._replace(memory=memory)
+    turning = before.turning
+    if turning is not None:
+        turning = turning._replace(of_its_own=_begun_anew(turning.of_its_own, points, which))
+    return before._replace(memory=memory, turning=turning)
 
 
-def _warnings(swapped: np.ndarray, leapt: np.ndarray) -> tuple[str, ...]:
-    """Say which points are exchanged and which leapt alone."""
+def _warnings(swapped: np.ndarray, leapt: np.ndarray, coordinates: int) -> tuple[str, ...]:
+    """Say which points are exchanged and which leapt alone, points or gratings."""
     warnings = tuple(
         f"points {i} and {j} are exchanged since the last frame: put back"
         for i, j in zip(swapped[::2], swapped[1::2], strict=True)
     )
     if not len(leapt):
         return warnings
-    several = f"points {listed(leapt)} leapt" if len(leapt) > 1 else f"point {leapt[0]} leapt"
+    name = "point" if coordinates == 3 else "grating"
+    several = f"{name}s {listed(leapt)} leapt" if len(leapt) > 1 else f"{name} {leapt[0]} leapt"
     return (*warnings, f"{several} while the others did not: taken for where the last frames had it")

@@ -23,18 +23,22 @@ def transitions():
     return way + np.diag(1.0 - way.sum(axis=1))
 
 
-def smooth_part(field):
-    """Components of fields [..., n, 3] along the points, up to the first eight."""
-    return dct(field, axis=-2, norm="ortho")[..., :SMOOTH, :]
+def filter_in_time(memory, probability, covariance, noise, points, step, most_variance, direction=None):
+    """Do as `core.filter_in_time`, without what only judges single points; all coordinates are sensed."""
 
+    def smooth_part(field):
+        """Components of fields [..., n, coordinates]: the first eight along the points, or one direction."""
+        if direction is None:
+            return dct(field, axis=-2, norm="ortho")[..., :SMOOTH, :]
+        return np.sum(field * direction, axis=(-2, -1), keepdims=True)
 
-def filter_in_time(memory, probability, covariance, noise, points, step, most_variance):
-    """Do as `core.filter_in_time`, without what only judges single points."""
     observed = np.isfinite(points.sum(axis=1))
     positions, velocities = memory[:MOTIONS], memory[MOTIONS : 2 * MOTIONS]
     last, before = memory[-2:]
-    count = min(len(points), SMOOTH)
-    values = 3 * count
+    coordinates, count = points.shape[1], min(len(points), SMOOTH)
+    values = coordinates * count
+    if direction is not None:
+        count = values = 1
     low, high = np.array(noise[:2]), np.array(noise[2:4])
     if noise[4] > 0.0:
         ratio = step / noise[4]
@@ -43,7 +47,7 @@ def filter_in_time(memory, probability, covariance, noise, points, step, most_va
         second[~all_three] = 0.0
         rest = (second**2).sum() - (smooth_part(second) ** 2).sum()
         if all_three.sum() > count:
-            more = 0.5 * 3 * (all_three.sum() - count)
+            more = 0.5 * coordinates * (all_three.sum() - count)
             square = 0.5 * max(rest, 0.0) / (1 + (1 + ratio) ** 2 + ratio**2)
             high += more, min(square, more * most_variance)
         high *= min(1.0, TIME_FILTER.most_values / max(high[0], 1.0))

@@ -13,8 +13,8 @@ from tssgeom.core.constants_arcs import CHAIN_MOVES
 from tssgeom.core.constants_route import STAIRCASE
 from tssgeom.route.arcs.chain import form_of
 from tssgeom.route.curvature import CurvatureProfile
+from tssgeom.route.fibre.draws import Draws
 from tssgeom.route.fibre.models import (
-    Draws,
     Partition,
     Sensed,
     joint_variance,
@@ -57,7 +57,7 @@ def integrated(s: Vector, bend: Points) -> tuple[Points, np.ndarray]:
 
 
 def fit_of_pieces(
-    sensed: Sensed, partition: Partition, noise: float, stations: Vector, draws: Draws, log_evidence: float
+    sensed: Sensed, partition: Partition, noise: float, stations: Vector, draws: Draws
 ) -> RouteFit:
     """Fit of pieces of constant curvature, whose angles add up to the mean of the draws; docs/model.md (241).
 
@@ -69,8 +69,6 @@ def fit_of_pieces(
         Arc length of every grating [m].
     draws
         Draws of the curvature.
-    log_evidence
-        Evidence of the curvatures (natural logarithm).
     """
     kappa, spread = piece_curvature(sensed, partition, noise)
     joint, shift = joint_variance(sensed, partition, noise)
@@ -83,7 +81,7 @@ def fit_of_pieces(
     travelled = np.clip(s[:, None], ends[:-1], ends[1:]) - ends[:-1]
     profile = _profile(s, arcs.kappa[piece], travelled @ arcs.kappa, draws)
     position, axes = core.along_chain(s, form_of(np.zeros(3), AXES, s, bend[piece]))
-    return _fit(FibreCurve(s, position, axes, bend[piece]), stations, profile, arcs, draws, log_evidence)
+    return _fit(FibreCurve(s, position, axes, bend[piece]), stations, profile, arcs, draws)
 
 
 def _partition_arcs(kappa: Vector, spread: Vector, length: Vector, shift: Vector, phi: Vector) -> Arcs:
@@ -111,20 +109,16 @@ def _partition_arcs(kappa: Vector, spread: Vector, length: Vector, shift: Vector
     return Arcs(read_only(length), read_only(angle), read_only(covariance), "arcs")
 
 
-def fit_of_draws(
-    sensed: Sensed, draws: Draws, noise: float, stations: Vector, log_evidence: float
-) -> RouteFit:
+def fit_of_draws(sensed: Sensed, draws: Draws, noise: float, stations: Vector) -> RouteFit:
     """Fit of smooth curvature: means and covariances of the draws. Parameters as in `fit_of_pieces`."""
-    magnitude = np.linalg.norm(draws.bend, axis=2)
-    profile = _profile(draws.s, magnitude.mean(axis=0), draws.phi.mean(axis=0), draws)
-    of_bend = draws.bend.var(axis=0).mean(axis=1)
+    profile = _profile(draws.s, draws.kappa.mean(axis=0), draws.phi.mean(axis=0), draws)
+    of_bend = np.mean(np.einsum("dmc,dmc->dm", draws.off, draws.off), axis=0) / 2.0
     each = (len(draws.s) - 1) // (len(sensed.s) - 1)
     freedom = float(sensed.merged @ of_bend[::each]) / noise**2
-    bend = draws.bend.mean(axis=0)
-    curve = FibreCurve(draws.s, *integrated(draws.s, bend), bend)
+    curve = FibreCurve(draws.s, *integrated(draws.s, draws.bend), draws.bend)
     joints = _staircase(curve, of_bend, freedom, len(stations))
     arcs = _wander_arcs(draws.s[joints], draws.phi[:, joints])
-    return _fit(curve, stations, profile, arcs, draws, log_evidence)
+    return _fit(curve, stations, profile, arcs, draws)
 
 
 def _staircase(curve: FibreCurve, v: Vector, freedom: float, count: int) -> np.ndarray:
@@ -151,7 +145,7 @@ def _wander_arcs(ends: Vector, phi: Matrix) -> Arcs:
 def _profile(s: Vector, kappa: Vector, phi: Vector, draws: Draws) -> CurvatureProfile:
     """Profile whose standard errors are the root mean square distances of the draws from it; (38)."""
     off = draws.phi - np.interp(draws.s, s, phi)
-    kappa_off = np.linalg.norm(draws.bend, axis=2) - np.interp(draws.s, s, kappa)
+    kappa_off = draws.kappa - np.interp(draws.s, s, kappa)
     phi_se, kappa_se = (np.sqrt(np.mean(each**2, axis=0)) for each in (off, kappa_off))
     return CurvatureProfile(
         s=read_only(s),
@@ -163,12 +157,7 @@ def _profile(s: Vector, kappa: Vector, phi: Vector, draws: Draws) -> CurvaturePr
 
 
 def _fit(
-    curve: FibreCurve,
-    stations: Vector,
-    profile: CurvatureProfile,
-    arcs: Arcs,
-    draws: Draws,
-    log_evidence: float,
+    curve: FibreCurve, stations: Vector, profile: CurvatureProfile, arcs: Arcs, draws: Draws
 ) -> RouteFit:
     """Collect the result; its `noise` is the standard deviation of one coordinate of the distal end [m]."""
     noise, weight = math.sqrt(_variance_of_end(draws)), read_only(np.ones(len(stations)))
@@ -182,15 +171,14 @@ def _fit(
         station=stations,
         residual=read_only(np.zeros((len(stations), 3))),
     )
-    return RouteFit(arcs, noise, weight, available(Nodes(route, profile)), available(log_evidence))
+    return RouteFit(arcs, noise, weight, available(Nodes(route, profile)), available(draws.log_evidence))
 
 
 def _variance_of_end(draws: Draws) -> float:
     """Variance of one coordinate of the distal end, a third of that of all three [m²]; (35)."""
     weight = np.gradient(draws.s)
     weight[[0, -1]] *= 0.5
-    mean = draws.bend.mean(axis=0)
-    position, axes = integrated(draws.s, mean)
+    position, axes = integrated(draws.s, draws.bend)
     moved = np.cross(axes[:, 1:], (position[-1] - position)[:, None, :]) * weight[:, None, None]
-    off = np.tensordot(draws.bend - mean, moved, axes=2)
+    off = np.tensordot(draws.off, moved, axes=2)
     return float(np.mean(np.sum(off**2, axis=1))) / 3.0

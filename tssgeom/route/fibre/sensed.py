@@ -14,7 +14,9 @@ import numpy as np
 from tssgeom.arrays import Matrix, Vector, read_only, rows_at
 from tssgeom.core.constants import CHANCE
 from tssgeom.errors import FitError, ShapeError
-from tssgeom.route.fibre.models import Kinds, LastNoise, Sensed, kinds_of, noises, partitions, sampled
+from tssgeom.route.fibre.draws import sampled
+from tssgeom.route.fibre.models import Kinds, Sensed, kinds_of, partitions
+from tssgeom.route.fibre.noise import LEVELS, LastNoise, noises
 from tssgeom.route.fibre.route import fit_of_draws, fit_of_pieces
 from tssgeom.route.geometry import Method
 from tssgeom.route.observations import Shape
@@ -57,12 +59,16 @@ class FibreFit:
     probability: dict[str, float]
     """Posterior probability that no piece is smooth ("arcs"), and that one is ("spline")."""
 
+    compared: int = 0
+    """Frames since the noise was estimated, or compared with the curvatures where it is stated [1]."""
+
     @property
     def start(self) -> LastNoise | None:
-        """Noise from which the next frame starts; None where it is known, or where Φ was lost."""
-        if not self.curvature_noise_se > 0.0 or self.fit.arcs.total_angle_se >= LOST:
+        """Noise from which the next frame starts; None where Φ was lost."""
+        if self.fit.arcs.total_angle_se >= LOST:
             return None
-        return LastNoise(self.curvature_noise, self.curvature_noise_se / self.curvature_noise)
+        se = self.curvature_noise_se / self.curvature_noise
+        return LastNoise(self.curvature_noise, se, self.compared + 1)
 
 
 def clean_fibre(curvatures: Matrix, stations: Vector | None) -> Fibre:
@@ -163,7 +169,7 @@ def fit_fibre(
     method
         "arcs" for constant curvature in pieces, "spline" for smooth curvature, "auto" for both; (36).
     last
-        Noise that the last frame of a stream gave, as `FibreFit.start`.
+        Noise that the last frame of a stream gave, as `FibreFit.start`, times what it has changed by since.
 
     Raises
     ------
@@ -173,24 +179,25 @@ def fit_fibre(
     sensed = _sensed(fibre, noise)
     kinds = kinds_of(sensed, smooth=method != "arcs", pieces=method != "spline")
     levels = noises(sensed, kinds, last)
-    if not math.isfinite(levels.log_evidence):
+    draws, estimate = sampled(sensed, kinds, levels), levels.estimate
+    if not math.isfinite(draws.log_evidence):
         raise FitError("the curvatures give no finite route: check them and their stations")
-    if noise is not None and _is_contradicted(sensed, kinds, levels.log_evidence):
+    compared = 0 if last is None or last.frames >= LEVELS.every else last.frames
+    if noise is not None and compared == 0 and _is_contradicted(sensed, kinds, draws.log_evidence):
         free = fit_fibre(fibre, None, method)
         if free.curvature_noise > noise:
             text = _CONTRADICTED.format(free.curvature_noise, noise)
             return replace(free, fit=free.fit.warned(text))
-    draws, estimate = sampled(sensed, kinds, levels), levels.estimate
     smooth = float(np.mean(draws.smooth))
     if smooth < 0.5:
         likeliest = partitions(sensed, kinds_of(sensed, smooth=False), estimate)
-        fit = fit_of_pieces(sensed, likeliest, estimate, fibre.stations, draws, levels.log_evidence)
+        fit = fit_of_pieces(sensed, likeliest, estimate, fibre.stations, draws)
     else:
-        fit = fit_of_draws(sensed, draws, estimate, fibre.stations, levels.log_evidence)
+        fit = fit_of_draws(sensed, draws, estimate, fibre.stations)
     if not fit.arcs.total_angle_se <= AGREEMENT.largest_angle_se:
         raise FitError("the curvatures do not determine how far the fibre turns: check for a wrong one")
     se = estimate * levels.relative_se
-    return FibreFit(fit, estimate, se, {"arcs": 1.0 - smooth, "spline": smooth})
+    return FibreFit(fit, estimate, se, {"arcs": 1.0 - smooth, "spline": smooth}, compared)
 
 
 def _is_contradicted(sensed: Sensed, kinds: Kinds, log_evidence: float) -> bool:

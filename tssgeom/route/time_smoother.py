@@ -1,0 +1,77 @@
+"""Recorded points, filtered in time by the frames before and after each; docs/model.md (162)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TypeVar
+
+import numpy as np
+
+from tssgeom.arrays import Points, Vector
+from tssgeom.route.time_filter import PointFilter, as_points, begun, filtered
+
+_T = TypeVar("_T", float, np.ndarray)
+
+
+def smoothed(
+    points: Sequence[Points], times: Sequence[float], noise: float, cell: Vector | None = None
+) -> list[PointFilter | None]:
+    """Filter recorded frames by those before and after them (Fraser and Potter 1969); model.md (162).
+
+    Parameters
+    ----------
+    points, times
+        The points [n, 3] [m] of each frame, NaN where one is missing, and its time [s].
+    noise
+        Noise of the fit of one frame [m].
+    cell
+        Of curvatures [n, 2] [1/m], the length of the stretch that each grating stands for [n] [m].
+    """
+    forward = _passed(points, times, noise, cell)
+    backward = _passed(points[::-1], [-time for time in times[::-1]], noise, cell)[::-1]
+    return [
+        first if first is None or second is None else _combined(first, second, as_points(sensed))
+        for first, second, sensed in zip(forward, backward, points, strict=True)
+    ]
+
+
+def _passed(
+    points: Sequence[Points], times: Sequence[float], noise: float, cell: Vector | None
+) -> list[PointFilter | None]:
+    """Filter frames in order; those that cannot begin a filter have none."""
+    results, last = list[PointFilter | None](), None
+    for sensed, time in zip(points, times, strict=True):
+        # the noise of a fit of filtered points is less in proportion
+        now = None if last is None else filtered(last, sensed, noise * last.noise / last.sensed_noise, time)
+        last = begun(sensed, noise, time, cell) if now is None else now
+        results.append(last)
+    return results
+
+
+def _combined(before: PointFilter, later_on: PointFilter, sensed: Points) -> PointFilter:
+    """Combine the estimate by this frame and those before it with that by this and those after it."""
+    r = before.sensed_noise**2
+    points, noise = _joined(before.points, before.noise, later_on.points, later_on.noise, sensed, r)
+    points = np.where(np.isfinite(points), points, before.points)
+    turning, later = before.turning, later_on.turning
+    if turning is not None and later is not None:
+        own, after, now, reading = (
+            float(np.nansum(turning.direction * each))
+            for each in (before.points, later_on.points, points, sensed)
+        )
+        value, left = _joined(own, turning.noise, after, later.noise, reading, r)
+        points = points + (value - now) * turning.direction
+        turning = turning._replace(noise=left)
+    return before._replace(points=points, noise=noise, turning=turning)
+
+
+def _joined(
+    own: _T, own_noise: float, other: _T, other_noise: float, sensed: _T, variance: float
+) -> tuple[_T, float]:
+    """Join two estimates that hold one reading, and their noise; the first where the other adds nothing."""
+    weight, later = 1.0 / own_noise**2, 1.0 / other_noise**2 - 1.0 / variance
+    if later <= 0.0:
+        return own, own_noise
+    from_later = (other / other_noise**2 - sensed / variance) / later
+    return (weight * own + later * from_later) / (weight + later), 1.0 / math.sqrt(weight + later)
