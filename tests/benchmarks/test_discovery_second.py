@@ -17,6 +17,7 @@ from benchmarks.discovery_scores import (
 )
 from tests.bristle import CAUSES, MECHANISMS, PAIR_CAUSES
 from tssgeom.effects import KINDS
+from tssgeom.identify.machine_parts import MEANINGS
 from tssgeom.identify.mechanisms import MECHANISM_OF
 
 X = np.linspace(0.0, 0.04, 30)
@@ -41,10 +42,15 @@ def law(value, half):
     }
 
 
-def test_every_effect_of_the_library_has_a_mechanism():
-    assert set(KINDS) == set(MECHANISM_OF)
+def test_every_effect_of_the_library_and_number_of_a_machine_has_a_mechanism():
+    assert set(KINDS) | set(MEANINGS) == set(MECHANISM_OF)
     formulae = {cause.formula for cause in CAUSES.values()} - {None}
     assert formulae <= set(MECHANISM_OF)
+    assert {"play_in_joint", "friction_in_joint"} < {kind for kind, _ in PAIR_CAUSES.values()}
+    assert {MECHANISM_OF["end_play"], MECHANISM_OF["joint_friction"]} == {
+        "play_in_joint",
+        "friction_in_joint",
+    }
     for cause in CAUSES.values():
         assert cause.mechanism in MECHANISMS
         assert cause.formula is None or MECHANISM_OF[cause.formula] == cause.mechanism

@@ -47,8 +47,20 @@ MECHANISM_OF = {
     "tension_out_offset": "sensor_zero",
     "channel_lag": "sensor_lag",
     "load_cell_crosstalk": "sensor_crosstalk",
+    "drive_play": "play_at_drive",
+    "drive_friction": "friction_at_drive",
+    "drive_slack": "preload",
+    "drive_coupling": "ratio_of_drive",
+    "drive_lag": "sensor_lag",
+    "end_play": "play_in_joint",
+    "joint_friction": "friction_in_joint",
+    "joint_weight": "load_over_position",
+    "end_stiffness": "load_over_position",
+    "load_stiffness": "load_over_position",
+    "channel_gain": "sensor_gain",
+    "channel_zero": "sensor_zero",
 }
-"""The mechanism that each effect of the library is a formula of."""
+"""The mechanism that each effect of the library, or number of a machine, is a formula of."""
 
 
 @dataclass(frozen=True, slots=True)
