@@ -150,6 +150,29 @@ def test_every_outlying_input_is_listed_with_both_distances() -> None:
     assert "Φ 11.5°, the others about 58.2°; noise 0.4 mm, the others about 0.1 mm" in listed[3].words
 
 
+def test_distributions_have_the_range_of_the_inputs_that_are_not_outlying(still, tmp_path: Path) -> None:
+    names = [f"s{k}" for k in range(30)]
+    rows = [summary(name, length_m=0.3 + 0.001 * k) for k, name in enumerate(names)]
+    rows[4] = summary("s4", length_m=9.0)
+    outlying = outlying_inputs(rows)
+    assert [one.name for one in outlying] == ["s4"]
+    text = glance(tmp_path / "a.html", names, still[0], summary=rows, outlying=outlying)
+    chart = text[text.index("Length L") : text.index("Noise of a coordinate")]
+    labels = [float(label) for label in re.findall(r">(\d+)</text>", chart)]
+    assert max(labels) < 400  # with that of 9 m all others had been one bar
+
+
+def test_a_long_name_keeps_both_ends_in_the_tables_and_is_whole_where_the_pointer_rests(
+    still, tmp_path
+) -> None:
+    name = "a_long_name_of_a_file_of_a_laboratory_2024-03-01_trial_017_left_arm"
+    text = glance(tmp_path / "a.html", [name, "short"], still[0])
+    body = text[text.index("<tbody>", text.index("All inputs")) :]
+    cell = re.sub(r"<wbr>", "", body[: body.index("</td>")])
+    assert f'<span title="{name}">a_long_name_of_a…y_2024-03-01_trial_017_left_arm</span>' in cell
+    assert f'data-value="{name}"' in cell  # by which it is sought and sorted
+
+
 def mixed() -> list[dict[str, Any]]:
     """Three instruments in one folder: needles, catheters that bend more, and half as many long colons."""
     rows, random = list[dict[str, Any]](), np.random.default_rng(3).uniform

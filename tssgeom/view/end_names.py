@@ -12,8 +12,12 @@ CLEAR = 4.0
 _DISTANCES, _DIRECTIONS = (0.5, 8.0, 18.0), 16
 """Distances of a name from its end beyond the least, the best first [pt, px], and number of directions."""
 
+_NOTHING = np.zeros((0, 2))
 
-def end_names(line: Matrix, low: Vector, high: Vector, half: Vector) -> list[Vector]:
+
+def end_names(
+    line: Matrix, low: Vector, high: Vector, half: Vector, besides: Matrix = _NOTHING
+) -> list[Vector]:
     """Choose the middles of the names of both ends.
 
     Parameters
@@ -24,6 +28,8 @@ def end_names(line: Matrix, low: Vector, high: Vector, half: Vector) -> list[Vec
         [2] Corners of the part of the picture in which the names may stand [pt, px].
     half
         [2] Half of the size of a name [pt, px].
+    besides
+        [m, 2] What else no name may cover, such as letters [pt, px].
     """
     inner = min(8, len(line) - 1)
     turns = 2.0 * np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
@@ -38,6 +44,7 @@ def end_names(line: Matrix, low: Vector, high: Vector, half: Vector) -> list[Vec
         middles = np.concatenate([end + unit * (reach + d)[:, None] for d in _DISTANCES])
         covered = (np.abs(middles[:, None] - line) < half + CLEAR).all(axis=2).sum(axis=1)
         collides = [(np.abs(middles - other) < 2.0 * half + 2.0).all(axis=1) for other in chosen]
+        collides += [(np.abs(middles - other) < half + CLEAR).all(axis=1) for other in besides]
         outside = ((middles < low + half) | (middles > high - half)).any(axis=1)
         turned = np.tile(1.0 - unit @ outward, len(_DISTANCES))
         far = np.repeat(np.arange(len(_DISTANCES)), len(unit))

@@ -55,7 +55,8 @@ def draw_route(axes: Axes, result: FrameResult) -> Axes:
     coloured(axes, flat, frame.tension, top, 3.2)
     draw_dots(axes, ARC_LENGTH.factor * frame.at(result.arcs.s_start) @ plane)
     on_paper = (flat - corner) / per_point
-    middles = end_names(on_paper, _FOOT, size, _NAME)
+    letters = _draw_triad(axes, corner + per_point * np.array([size[0] - 26.0, 6.0]), plane, per_point)
+    middles = end_names(on_paper, _FOOT, size, _NAME, (letters - corner) / per_point)
     for text, end, at in zip(ENDS, on_paper[[0, -1]], middles, strict=True):
         if (line := leader(end, at, _NAME)) is not None:
             axes.plot(*(corner + per_point * line).T, color=SOFT, linewidth=0.6, zorder=1)
@@ -66,7 +67,6 @@ def draw_route(axes: Axes, result: FrameResult) -> Axes:
     axes.plot(*bar.T, color=SOFT, linewidth=1.5)
     foot = bar.mean(axis=0) - (0.0, 4.0 * per_point)
     axes.text(float(foot[0]), float(foot[1]), f"{length:g} mm", ha="center", va="top")
-    _draw_triad(axes, corner + per_point * np.array([size[0] - 26.0, 6.0]), plane, per_point)
     return axes
 
 
@@ -85,8 +85,11 @@ def _limits(axes: Axes, flat: Vector) -> tuple[float, Vector, Vector]:
     return per_point, corner, size
 
 
-def _draw_triad(axes: Axes, foot: Vector, plane: Matrix, per_point: float) -> None:
-    """Draw the directions of x, y and z on the picture, above `foot`; a short one has its letter opposite."""
+def _draw_triad(axes: Axes, foot: Vector, plane: Matrix, per_point: float) -> Matrix:
+    """Draw the directions of x, y and z on the picture, above `foot`; return the positions of the letters.
+
+    A short one has its letter opposite.
+    """
     letters = axis_letters(plane, _TRIAD, 5.0, np.array([8.0, 8.0]))
     origin = foot - (0.0, per_point * min(0.0, float(letters[:, 1].min())))
     for name, direction, at in zip("xyz", plane, letters, strict=True):
@@ -94,6 +97,7 @@ def _draw_triad(axes: Axes, foot: Vector, plane: Matrix, per_point: float) -> No
         axes.plot(*np.stack([origin, tip]).T, color=SOFT, linewidth=1.0, solid_capstyle="round")
         x, y = (origin + per_point * at).tolist()
         axes.text(x, y, name, color=SOFT, fontsize=7.0, ha="center", va="center")
+    return origin + per_point * letters
 
 
 def _draw_colour_bar(axes: Axes, top: float) -> None:

@@ -20,6 +20,10 @@ from tssgeom.view.report.page import with_subscripts
 Row = Mapping[str, Any]
 _FEWEST = 3  # inputs from which a distribution is clearer than the table; chosen
 _MOST_BARS, _FEWEST_BARS = 30, 6  # of a histogram; chosen
+_LONGEST_NAME, _HEAD = (
+    48,
+    16,
+)  # letters of a name in a table, and of its beginning; chosen: names differ at the end
 _BAR, _MARK = "#9db7d5", "#d55e00"
 
 
@@ -33,7 +37,7 @@ def distributions(rows: Sequence[Row], outlying: Collection[str]) -> str:
         f"<figure>{_histogram(title, unit, np.array([of(row) for row in rows]), marked)}</figure>"
         for title, unit, of in _QUANTITIES
     )
-    note = " Dots: outlying inputs, below." if marked.any() else ""
+    note = " Dots: outlying inputs, below; beyond an axis at its end." if marked.any() else ""
     return (
         f'<div class="figures">{charts}</div>\n<p class="soft">Number of inputs over each quantity; of a '
         f"recording, the frame at the last of its highest peaks of T<sub>in</sub>.{note}</p>"
@@ -49,14 +53,20 @@ _QUANTITIES: tuple[tuple[str, str, Callable[[Row], float]], ...] = (
 
 
 def _histogram(title: str, unit: str, values: np.ndarray, marked: np.ndarray) -> str:
-    low, high = limits_of(values, zero=False, room=0.0)
+    usual = values[~marked]
+    low, high = limits_of(usual if len(usual) >= _FEWEST else values, zero=False, room=0.0)
     count = int(np.clip(math.ceil(math.sqrt(len(values)) * 1.5), _FEWEST_BARS, _MOST_BARS))
     heights, edges = np.histogram(values, bins=count, range=(low, high))
     top = max(float(heights.max()), 4.0)  # inputs are counted in whole numbers
     chart = Chart(title, limits_of(np.array([low, high]), zero=False), (0.0, 1.18 * top))
     chart.axes(unit, "inputs")
     chart.bars(edges, heights, _BAR)
-    chart.dots(values[marked], np.full(marked.sum(), 1.09 * top), [_MARK] * int(marked.sum()), 3.0)
+    chart.dots(
+        np.clip(values[marked], low, high),
+        np.full(marked.sum(), 1.09 * top),
+        [_MARK] * int(marked.sum()),
+        3.0,
+    )
     return chart.svg()
 
 
@@ -114,7 +124,10 @@ def input_name(name: str, linked: Collection[str]) -> str:
 
 
 def breakable(name: str) -> str:
-    """Write a name that may be broken after its underscores, points and slashes."""
+    """Write a name that may be broken after its underscores, points and slashes; of a long one both ends."""
+    if len(name) > _LONGEST_NAME:
+        text = breakable(f"{name[:_HEAD]}…{name[_HEAD - _LONGEST_NAME + 1 :]}")
+        return f'<span title="{html.escape(name)}">{text}</span>'
     return re.sub(r"(?<=[_./])(?=[^\W_])", "<wbr>", html.escape(name))
 
 

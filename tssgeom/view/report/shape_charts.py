@@ -112,9 +112,9 @@ def _tension(result: FrameResult) -> Chart:
     chart.axes("s [mm]", "T [N]")
     chart.band(s, frame.tension - spread, frame.tension + spread, _BAND)
     chart.shaded(s, frame.tension, shades(frame), 2.0)
-    chart.note(
-        0.03 * s[-1], 0.05 * chart.y[1], f"T_out = {with_error(ends.tension_out, ends.tension_out_se, 2)} N"
-    )
+    text = f"T_out = {with_error(ends.tension_out, ends.tension_out_se, 2)} N"
+    free = 0.05 if frame.tension[-1] > 0.5 * frame.tension.max() else 0.9
+    chart.note(float(s[-1]), free * chart.y[1], text, anchor="end")
     return chart
 
 
