@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from tssgeom.arrays import Matrix
 from tssgeom.errors import ShapeError, TssgeomError
 from tssgeom.io.formats.columns import AXES, POINT, TIME, columns_of
-from tssgeom.io.formats.fill_values import without_fill_values
 from tssgeom.io.formats.laboratory.mapping import NO_MAP, ColumnMap
 from tssgeom.io.formats.laboratory.names import EXACT, RECORDING, is_inert, meaning_of
 from tssgeom.io.formats.laboratory.polar import has_size
@@ -36,6 +36,13 @@ _AS_COUNTED = 0.5
 count them too [1]; chosen: stations of half or twice the way are refused."""
 _HEADER_BYTES = 1 << 16
 """Bytes of a CSV file in which its header ends; chosen."""
+_FARTHEST = 3.0
+"""Distance of a fill value from all other coordinates, over the diagonal of the box around these [1];
+chosen: no point of a route lies so far from all others of a recording."""
+_FEWEST_BESIDE = 4
+"""Other coordinates of each axis, at least [1]; derived: fewer points are no shape."""
+_MOST_FILLS = 4
+"""Sizes of fill values in one file [1]; chosen: a program has one, a converter adds its own."""
 
 
 def open_table(path: Path, unit: str | None, columns: ColumnMap = NO_MAP) -> Recording:
@@ -135,7 +142,7 @@ def _size(path: Path) -> int:
 def _recording(path: Path, kind: str, table: Table, names: Mapping[str, str] | None = None) -> Recording:
     if table.faults and not table.columns.timed:
         raise ShapeError(f"{path}: {next(iter(table.faults.values()))}{_more(len(table.faults) - 1)}")
-    table, filled = without_fill_values(table)
+    table, filled = _without_fill_values(table)
     table, doubled = _without_doubled(table)
     columns = table.columns
     frames = LongFrames(table, runs_of(table), lowest_point(table))
@@ -157,6 +164,46 @@ def _counted_stations(table: Table, rows: Rows, names: Mapping[str, str]) -> tup
         return ()
     name = names.get(station, station)
     return (f'column {name!r} is read as arc length: if it numbers the points, give --map "{name}=point"',)
+
+
+def _without_fill_values(table: Table) -> tuple[Table, tuple[str, ...]]:
+    """Return a table of points with its fill values as missing cells, and a note on them.
+
+    A fill value is there at least twice, exactly equal, as in the three cells of one point, and lies far
+    outside all other coordinates. A point that is far off by itself stays.
+    """
+    columns = table.columns
+    if columns.bend_unit is not None:
+        return table, ()
+    cells = np.array([table.values[axis] for axis in columns.axes])
+    known, fills = _known_cells(cells)
+    if not fills:
+        return table, ()
+    count = int((np.isnan(known) & ~np.isnan(cells)).any(axis=0).sum())
+    values = {**table.values, **dict(zip(columns.axes, known, strict=True))}
+    named = " and ".join(f"{value:g}" for value in fills)
+    return replace(table, values=values), (f"{count} point{'s' * (count > 1)} of {named} read as missing",)
+
+
+@np.errstate(over="ignore")
+def _known_cells(cells: Matrix) -> tuple[Matrix, list[float]]:
+    """Return coordinates [3, n] with NaN for fill values, and these."""
+    fills = list[float]()
+    for _ in range(_MOST_FILLS):
+        size = np.abs(cells)
+        largest = np.nanmax(size, initial=0.0)
+        filled = size == largest
+        rest = np.where(filled, np.nan, cells)
+        beside = np.isfinite(rest).sum(axis=1).min()
+        if not np.isfinite(largest) or filled.sum() < 2 or beside < _FEWEST_BESIDE:
+            break
+        low, high = np.nanmin(rest, axis=1), np.nanmax(rest, axis=1)
+        beyond = np.maximum(low[:, None] - cells, cells - high[:, None])[filled].min()
+        if not beyond > _FARTHEST * np.linalg.norm(high - low):
+            break
+        fills += np.unique(cells[filled]).tolist()
+        cells = rest
+    return cells, fills
 
 
 def _without_doubled(table: Table) -> tuple[Table, tuple[str, ...]]:

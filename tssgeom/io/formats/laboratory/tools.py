@@ -8,7 +8,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from tssgeom.io.formats.fill_values import known_cells
 from tssgeom.io.formats.laboratory.raw import RawTable
 
 _TOOLS = frozenset(
@@ -56,13 +55,12 @@ def with_points_of_tools(table: RawTable, said: Collection[str]) -> RawTable:
         if name in _STATES and isinstance(column, list):
             tracked &= np.array([cell.strip().lower() not in UNOBSERVED for cell in column])
     cells = np.array([np.where(tracked, columns[k], np.nan) for k in at], np.float64)
-    cells, _ = known_cells(cells)
     for k, axis, known in zip(at, "xyz", cells, strict=True):
         names[k], columns[k] = f"{axis}_mm", known
     missing = int(np.isnan(cells).any(axis=0).sum())
     notes = (
         "a row for each tool, in mm; turns are not read",
-        *([f"{missing} tools not tracked"] if missing else []),
+        *([f"{missing} tool{'s' * (missing > 1)} not tracked"] if missing else []),
     )
     return replace(table, names=tuple(names), columns=tuple(columns), notes=(*table.notes, *notes))
 
