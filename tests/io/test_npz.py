@@ -130,11 +130,54 @@ def test_the_only_array_of_points_is_read_whatever_its_name(tmp_path, name):
     assert np.allclose([1e3 * frame.points for frame in recording.frames], MOVING)
 
 
-@pytest.mark.parametrize("name", ["moving.npz", "moving.npy"])
-def test_points_first_without_times_are_refused_with_the_axis_that_is_to_be_first(tmp_path, name):
-    path, swapped = tmp_path / name, MOVING.transpose(1, 0, 2)
-    np.savez(path, points=swapped, unit="mm") if name.endswith("npz") else np.save(path, swapped)
+def stored(path, points):
+    np.savez(path, points=np.ascontiguousarray(points), unit="mm")
+
+
+def compressed(path, points):
+    np.savez_compressed(path, points=np.ascontiguousarray(points), unit="mm")
+
+
+def columns_first(path, points):
+    np.savez(path, points=np.asfortranarray(points), unit="mm")
+
+
+def alone(path, points):
+    np.save(path, points)
+
+
+@pytest.mark.parametrize(
+    ("name", "save"),
+    [
+        ("moving.npz", stored),
+        ("moving.npz", compressed),
+        ("moving.npz", columns_first),
+        ("moving.npy", alone),
+    ],
+)
+def test_points_first_without_times_are_refused_with_the_axis_that_is_to_be_first(tmp_path, name, save):
+    path = tmp_path / name
+    save(path, MOVING.transpose(1, 0, 2))
     with pytest.raises(
         ShapeError, match=r"frames that span 15\.6 and lie 500 apart, as points do: save the axis"
     ):
         open_recording(path, "mm")
+
+
+@pytest.mark.parametrize("save", [stored, compressed, columns_first])
+def test_frames_first_without_times_are_read(tmp_path, save):
+    path = tmp_path / "moving.npz"
+    save(path, MOVING)
+    assert np.allclose([1e3 * frame.points for frame in open_recording(path, None).frames], MOVING)
+
+
+def test_opening_frames_without_times_reads_the_first_and_the_last_one_alone(tmp_path):
+    path, many = tmp_path / "moving.npz", np.repeat(MOVING, 20, axis=0)
+    many[200] = 7.0
+    stored(path, many)
+    written = path.read_bytes()
+    at = written.index(many[200].tobytes())
+    path.write_bytes(written[:at] + b"\xff" + written[at + 1 :])  # a damaged byte between both
+    recording = open_recording(path, None)
+    with pytest.raises(SourceError, match="cannot be read as NPZ"):
+        list(recording.frames)

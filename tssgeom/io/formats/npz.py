@@ -28,6 +28,9 @@ _LARGE = ("points", "s")
 _SMALL = (TIME, "unit", *MEASURED, *OF_MACHINE)
 _DRIVES = ("tension_in", "displacement_in", "displacement_target", "tension_out_target", "motor_")
 _ARRAY = b"\x93NUMPY"
+_LENGTHS = 26
+"""Bytes of the local header of a member of an archive before the lengths of its name and extra field; APPNOTE
+of PKWARE, 4.3.7."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,6 +115,32 @@ def rows_of(path: Path, array: Stored) -> Iterator[np.ndarray]:
             yield from np.frombuffer(raw, array.dtype).reshape(count, *inner).astype(np.float64)
 
 
+def _end_rows(path: Path, array: Stored) -> tuple[np.ndarray, np.ndarray]:
+    """Return the first row of an array and the last one, as float64; those between are passed over."""
+    if array.columns_first or array.order:
+        rows = list(rows_of(path, array))
+        return rows[0], rows[-1]
+    width = array.size // array.shape[0]
+    with _read(path), zipfile.ZipFile(path) as archive:
+        member = archive.getinfo(f"{array.name}.npy")
+        plain = member.compress_type == zipfile.ZIP_STORED
+        with path.open("rb") if plain else archive.open(member) as file:
+            begin = array.begin + (_begin_of(file, member) if plain else 0)
+            ends = list[np.ndarray]()
+            for row in (0, array.shape[0] - 1):
+                file.seek(begin + row * width)
+                cells = np.frombuffer(file.read(width), array.dtype)
+                ends.append(cells.reshape(array.shape[1:]).astype(np.float64))
+    return ends[0], ends[1]
+
+
+def _begin_of(file: IO[bytes], member: zipfile.ZipInfo) -> int:
+    """Return where the bytes of a member begin: behind its local header, name and extra field."""
+    file.seek(member.header_offset + _LENGTHS)
+    name, extra = (int.from_bytes(file.read(2), "little") for _ in range(2))
+    return file.tell() + name + extra
+
+
 def open_npz(path: Path, unit: str | None) -> Recording:
     """Open a NumPy archive; nothing in it is ever unpickled.
 
@@ -136,8 +165,7 @@ def open_npz(path: Path, unit: str | None) -> Recording:
     stored["points"] = points
     timed = len(points.shape) == 3
     if timed and count is None:
-        ends = [row for k, row in enumerate(rows_of(path, points)) if k in (0, points.shape[0] - 1)]
-        require_frames_first(path, points.name, ends[0], ends[-1])
+        require_frames_first(path, points.name, *_end_rows(path, points))
     frames = _frames(path, arrays, stored, PER_METRE[agreed])
     known = (*MEASURED, *OF_MACHINE)
     driven = any(name in arrays for name in known if name.startswith(_DRIVES))
