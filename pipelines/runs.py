@@ -55,10 +55,15 @@ def outputs(folder: Path, *names: str) -> Iterator[None]:
 
 @contextmanager
 def errors_naming(run: Path, shape: Path | None = None) -> Iterator[None]:
-    """Put run and shape, where there is one, before the errors of the model, which names no files."""
+    """Put run and shape, where there is one, before the errors of the model, which names no files.
+
+    An error of the run itself names it.
+    """
     try:
         yield
     except TssgeomError as error:
+        if str(error).startswith(f"{run}: "):
+            raise
         on = run if shape is None else f"{run} on {shape}"
         raise type(error)(f"{on}: {error}") from error
 

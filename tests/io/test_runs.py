@@ -53,7 +53,8 @@ def test_parquet_holds_the_same(tmp_path):
     ("text", "said"),
     [
         ("tension_in_N\n1\n", "no column time_s"),
-        ("time_s,speed\n0,1\n", "no measured column"),
+        ("time_s,speed\n0,1\n", "no measured column: known are time_s, tension_in_N, .*, motor_angle_rad, "),
+        ("time_s,motor\n0,1\n", "and of each tendon displacement_in_1_m, .*, tension_out_1_N$"),
         ("time_s,force\n0,1000\n", "'force' has no unit: give --map \"force=tension_in_N:mN\""),
         ("time_s,tension_in_N\n", "no row"),
         ("", "line 1 is empty: write a header such as .* or time_s"),

@@ -230,6 +230,23 @@ def test_what_cannot_be_done_is_said_in_one_line(run, tmp_path, shape, monkeypat
     assert reported in line
 
 
+@pytest.mark.parametrize(
+    ("command", "option", "reported"),
+    [
+        ("calibrate", None, "2 samples with motor_angle_rad: give 5 or more"),
+        ("simulate", "--drive", "motor_angle_rad has no value at time_s = 0.1: fill every row"),
+        ("compensate", "--target", "no column joint_angle_rad: a joint follows the angle in it; add one"),
+    ],
+)
+def test_an_error_of_a_run_names_its_file_once(run, tmp_path, monkeypatch, command, option, reported):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "rig.toml").write_text(RIG)
+    table(tmp_path / "run.csv", time_s=[0.0, 0.1, 0.2], motor_angle_rad=[0.0, np.nan, 0.2])
+    done = run(command, *([option] if option else []), "run.csv", "--rig", "rig.toml", "--out", "out")
+    assert done.status == 2
+    assert done.errors == [f"tssgeom: run.csv: {reported}"]
+
+
 def test_two_plain_runs_with_elongation_give_friction_and_compliance_and_name_what_is_not_used(run, tmp_path):
     (tmp_path / "plain.toml").write_text(
         "[tendon]\npretension_N = 1\n[route]\nlength_m = 0.5\nangle_rad = 3.0\n"

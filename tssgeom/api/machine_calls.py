@@ -162,7 +162,7 @@ def _on_routes(run: MeasuredRun, arcs: Sequence[Arcs], rig: Rig) -> MachineRun:
     try:
         return machine_run(run.name, run.columns, list(arcs), rig)
     except TssgeomError as error:
-        raise type(error)(f"{run.path}: {error}") from error
+        raise type(error)(f"{run.path}: {str(error).removeprefix(f'{run.name}: ')}") from error
 
 
 def routes_of_runs(runs: int, arcs: Sequence[Arcs], rig: Rig) -> list[list[Arcs]]:

@@ -32,7 +32,10 @@ IN_SI = {field: name for name, (field, per_si) in CHANNELS.items() if per_si == 
 _CHANNELS = CHANNELS | MACHINE_CHANNELS
 _QUANTITIES = tuple({name.rpartition("_")[0] for name in _CHANNELS})
 _MISSING = {"", "nan", "null", "na"}
-_KNOWN = ", ".join((TIME, *CHANNELS))
+_OF_MACHINE = sorted({in_si for in_si, _ in MACHINE_CHANNELS.values()})
+_ONCE = ", ".join(name for name in _OF_MACHINE if not any(map(str.isdigit, name)))
+_OF_TENDON = ", ".join(name for name in _OF_MACHINE if "_1_" in name)
+_KNOWN = f"{', '.join((TIME, *CHANNELS))}; of a machine {_ONCE}, and of each tendon {_OF_TENDON}"
 
 
 @dataclass(frozen=True, slots=True, repr=False)
