@@ -223,6 +223,14 @@ def test_where_many_differ_none_is_outlying() -> None:
     assert [one.name for one in outlying_inputs(rows[:6])] == ["s5", "s4"]
 
 
+def test_of_two_lengths_that_are_no_kinds_one_a_thousand_times_too_long_or_short_is_outlying() -> None:
+    rows = [summary(f"s{k}", length_m=0.392 - 0.005 * (k % 5 < 2) + 1e-6 * k) for k in range(50)]
+    assert outlying_inputs(rows) == []  # two fifths of them are 1.2 % shorter
+    rows[7] |= {"length_m": 391.0}
+    rows[20] |= {"length_m": 0.00039}
+    assert [one.words.partition(",")[0] for one in outlying_inputs(rows)] == ["L 391000.0 mm", "L 0.4 mm"]
+
+
 @pytest.mark.filterwarnings("error")
 def test_single_shapes_that_are_alike_have_no_outlying_input() -> None:
     assert outlying_inputs([summary(f"s{k}") for k in range(6)]) == []

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from statistics import NormalDist
 from typing import Any
 
 import numpy as np
@@ -23,7 +24,11 @@ class OutlyingLimits:
     z: float = 3.5
     """Robust z beyond which an input is outlying. cited: Iglewicz and Hoaglin 1993."""
     most_outlying: float = 1 / 3
-    """Share of a kind beyond which none is outlying in a feature: its values are spread [1]. chosen."""
+    """Share of a kind beyond which the values of a feature are spread, and their standard deviation is that
+    by `spread_tail` [1]. chosen."""
+    spread_tail: float = 0.1
+    """Share of the largest deviations from the median of a spread feature, which do not determine its
+    standard deviation [1]. chosen: of two groups, the smaller one is then not outlying if it is larger."""
     least_share: float = 1e-3
     """Least standard deviation of a length or a tension, of its median [1]. chosen: no sensor has less."""
     least_log_noise_sd: float = 0.1
@@ -129,7 +134,15 @@ def _scores(rows: Sequence[Row], feature: _Feature) -> _Score:
         own = deviation / np.array([max(feature.se(row), 1e-300) for row in rows])
     z = np.where(applies, deviation / sd, 0.0)
     outlying = (z > LIMITS.z) & (own > LIMITS.z)
-    return _Score(z * (outlying.sum() <= LIMITS.most_outlying * applies.sum()), own, median)
+    if outlying.sum() > LIMITS.most_outlying * applies.sum():
+        z *= sd / _spread((values - median)[applies])
+    return _Score(z, own, median)
+
+
+def _spread(deviation: np.ndarray) -> float:
+    """Return the standard deviation of the normal law with the same largest deviation before its tail."""
+    within = float(np.quantile(np.abs(deviation), 1.0 - LIMITS.spread_tail))
+    return within / NormalDist().inv_cdf(1.0 - LIMITS.spread_tail / 2.0)
 
 
 def _angle_error(rows: Sequence[Row]) -> float:
