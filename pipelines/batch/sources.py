@@ -35,9 +35,9 @@ def sources_of(
         for item in [items] if isinstance(items, Refusal) else items:
             if isinstance(item, Refusal):
                 refusals.append(item)
-            elif item.address not in known:
+            elif (same := _without_links(item.address)) not in known:
                 sources.append(item)
-                known.add(item.address)
+                known.add(same)
     return sources, refusals
 
 
@@ -72,4 +72,9 @@ def _local_source(path: Path) -> Source:
     size = 0
     with suppress(OSError):
         size = path.stat().st_size
-    return Source(str(real(path)), printable(str(path)), size)
+    return Source(str(real(path.parent) / path.name), printable(str(path)), size)
+
+
+def _without_links(address: str) -> str:
+    path = local(address)
+    return address if path is None else str(real(path))

@@ -135,3 +135,9 @@ def test_links_that_go_in_a_circle_are_no_file(tmp_path):
     (outcome, *_) = find_inputs([tmp_path / "a.csv", tmp_path])
     with pytest.raises(SourceError, match="no such file"):
         open_recording(outcome)
+
+
+def test_a_file_and_a_link_to_it_are_one_input_by_the_name_of_the_file(tmp_path):
+    (tmp_path / "scan_7.csv").write_text("x_mm,y_mm,z_mm\n0,0,0\n")
+    (tmp_path / "latest.csv").symlink_to("scan_7.csv")
+    assert find_inputs([tmp_path]) == [tmp_path / "scan_7.csv"]

@@ -149,6 +149,20 @@ def test_inputs_of_one_name_keep_their_own_outputs(run, write_csv, tmp_path):
     assert lengths == pytest.approx({"left-loop": 0.5, "right-loop": 1.0}, rel=1e-4)
 
 
+def test_a_link_is_an_input_by_its_own_name(run, write_csv, tmp_path):
+    """As in a repository of git-annex, where each file is a link to one that is named by its content."""
+    kept = write_csv("objects/MD5E-s41--7a.csv", half_circle())
+    (tmp_path / "in").mkdir()
+    (tmp_path / "in/trial_1.csv").symlink_to(kept)
+    (tmp_path / "in/trial_2.csv").symlink_to(tmp_path / "nowhere/MD5E-s42--8b.csv")
+    done = run("batch", tmp_path / "in", kept, "--out", tmp_path / "out", "--no-pictures")
+    record = json.loads((tmp_path / "out/run.json").read_text("utf-8"))
+    assert [entry["name"] for entry in record["inputs"]] == ["trial_1"]
+    assert record["inputs"][0]["source"].endswith("in/trial_1.csv")
+    (line,) = [line for line in done.out.splitlines() if line.startswith("rejected:")]
+    assert line.startswith("rejected: trial_2.csv: cannot be read (No such file")
+
+
 def test_nothing_done_is_status_2_and_writes_nothing(run, write_csv, tmp_path):
     bad = write_csv("in/bad.csv", half_circle()[:3])
     assert run("batch", bad, "--out", tmp_path / "out").status == 2

@@ -157,7 +157,8 @@ def find_inputs(
         if not files:
             raise SourceError(f"{path}: no shape file in this folder: put {_endings()} files there")
         for shape in (each for file in files for each in _shapes_of(file, columns)):
-            inputs.setdefault(real(shape), shape)
+            if inputs.setdefault(key := real(shape), shape).is_symlink() and not shape.is_symlink():
+                inputs[key] = shape  # by its own name
     return list(inputs.values())
 
 
@@ -221,7 +222,7 @@ def _kind(path: Path) -> str:
 
 
 def _home(path: Path) -> str:
-    return printable(split(path)[0].resolve().parent.name).replace("\\", "_")
+    return printable(Path(os.path.abspath(split(path)[0])).parent.name).replace("\\", "_")
 
 
 def _numbered(names: dict[Path, str]) -> dict[Path, str]:
