@@ -322,7 +322,7 @@ def _number(path: Path, line: int, name: str, cell: str) -> float:
         return float(cell)
     except ValueError as error:
         raise SettingsError(
-            f"{path}: line {line}: {name} is {cell!r}: write a number or leave it empty"
+            f"{path}: line {line}: {name} is {cell[:40]!r}: write a number or leave it empty"
         ) from error
 
 

@@ -260,7 +260,7 @@ def slow_table(lines: Iterable[tuple[int, str]], names: Sequence[str], columns: 
         for name, k, number in zip(columns.names, wanted, numbers, strict=True):
             if number is None:
                 faults.setdefault(
-                    len(rows), f"line {line}: {name} is {cells[k]!r}: write a number or leave it empty"
+                    len(rows), f"line {line}: {name} is {cells[k][:40]!r}: write a number or leave it empty"
                 )
         rows.append([np.nan if number is None else number for number in numbers])
         numbers_of_lines.append(line)

@@ -63,7 +63,7 @@ def table_of(
                 if grouped
                 else "write a number or leave it empty"
             )
-            faults.setdefault(row, f"{where}: {name} is {cell!r}: {hint}")
+            faults.setdefault(row, f"{where}: {name} is {cell[:40]!r}: {hint}")
         columns.append(column)
     table = RawTable(
         *(tuple(named), tuple(columns), tuple(header.units), np.array(number, np.int64), number_name, faults),

@@ -51,10 +51,19 @@ def raw_tables(path: Path) -> list[RawTable]:
     except (ShapeError, SourceError):
         raise
     except Exception as error:  # readers of other libraries raise what they like on damaged files
-        raise SourceError(f"{path}: cannot be read as {kind} ({first_line(error)}): write it anew") from error
+        hint = "it is text: name it .csv" if kind in SHEETS and _is_text(path) else "write it anew"
+        raise SourceError(f"{path}: cannot be read as {kind} ({first_line(error)}): {hint}") from error
     if not any(len(table) for table in tables):
         raise ShapeError(f"{path}: no table of numbers in it: write a header and a row for each sample")
     return [table for table in tables if len(table)]
+
+
+def _is_text(path: Path) -> bool:
+    """Whether a file is a table in text, as LabVIEW writes it under the ending of spreadsheets."""
+    try:
+        return len(read_text(path, bytes_of(path))) > 0
+    except ShapeError:
+        return False
 
 
 def _sheets(path: Path) -> list[RawTable]:
