@@ -3,6 +3,8 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 import pytest
+import rerun as rr
+import rerun.blueprint as rrb
 import trimesh
 from rerun.chunk import RrdReader
 
@@ -13,6 +15,7 @@ from tssgeom.view.colours import tension_rgba32
 from tssgeom.view.mesh import tube
 from tssgeom.view.samples import route_samples
 from tssgeom.view.scene.recording import write_recording
+from tssgeom.view.scene.writer import recording_file
 from tssgeom.view.wording import piece_labels
 
 ENTITIES = {
@@ -208,3 +211,10 @@ def test_folder_that_cannot_be_made_is_an_error_with_its_path(
 
 def test_nothing_unfinished_is_left_beside_the_file(still_file: Path) -> None:
     assert [path.name for path in still_file.parent.iterdir()] == ["still.rrd"]
+
+
+@pytest.mark.parametrize("name", ["ok_a (1)", "Probe #3 50 % é", "scan.v2", "quote'\"", "plain name_1-2"])
+def test_rerun_takes_any_name_without_a_warning(tmp_path: Path, name: str, capfd) -> None:
+    with recording_file(tmp_path / "a.rrd", name, rrb.Blueprint()) as recording:
+        recording.log("text", rr.TextLog("a"))
+    assert capfd.readouterr().err == ""

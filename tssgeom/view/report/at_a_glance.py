@@ -112,7 +112,7 @@ def rejected_table(items: Sequence[str]) -> str:
         return ""
     return (
         '<h3>Rejected</h3>\n<div class="wide tall"><table class="rejected"><thead><tr><th>input</th>'
-        '<th class="text">frames</th><th class="text">reason</th></tr></thead>'
+        '<th class="left">frames</th><th class="text">reason</th></tr></thead>'
         f"<tbody>{''.join(items)}</tbody></table></div>"
     )
 

@@ -293,7 +293,7 @@ def _rejection_items(entry: ReportEntry) -> list[str]:
     items = [(_which(entry, count, first[reason]), reason) for reason, count in listed]
     items += [(f"{rest} more", "other reasons")] if rest > 0 else []
     return [
-        f'<tr><td><b>{html.escape(entry.name)}</b></td><td class="text">{which}</td>'
+        f'<tr><td><b>{html.escape(entry.name)}</b></td><td class="left">{which}</td>'
         f'<td class="text">{html.escape(reason)}</td></tr>'
         for which, reason in items
     ]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import socket
 import struct
 import subprocess
@@ -10,6 +11,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from uuid import uuid4
+from zlib import crc32
 
 import rerun as rr
 import rerun.blueprint as rrb
@@ -56,13 +58,19 @@ def recording_file(
     flush_and_cleanup_orphaned_recordings()  # of earlier ones; Rerun keeps their threads and their memory
     with (
         replacing(path) as draft,
-        rr.RecordingStream(application or f"tssgeom: {name}", recording_id=uuid4()) as recording,
+        rr.RecordingStream(application or _application(name), recording_id=uuid4()) as recording,
     ):
         stream = recording.binary_stream()  # Rerun's own file sink blocks for ever once the disk is full
         send_layout(recording, layout, make_active=False)
         recording.send_recording_name(name)
         yield recording
         draft.write_bytes(stream.read() or b"")
+
+
+def _application(name: str) -> str:
+    """Return the name under which a viewer remembers the layout of a recording, of signs that Rerun takes."""
+    plain = re.sub(r"[^A-Za-z0-9 _-]", "-", name)
+    return f"tssgeom: {plain}" if plain == name else f"tssgeom: {plain}-{crc32(name.encode()):08x}"
 
 
 def send_layout(recording: rr.RecordingStream, layout: rrb.Blueprint, *, make_active: bool = True) -> None:
@@ -105,7 +113,7 @@ def hosted(name: str, port: int) -> tuple[rr.RecordingStream, str]:
         raise SourceError(
             f"--view: port {port}: {os.strerror(error.errno or 0)}: choose another with --view-port"
         ) from error
-    recording = rr.RecordingStream(f"tssgeom: {name}", batcher_config=rr.ChunkBatcherConfig.LOW_LATENCY())
+    recording = rr.RecordingStream(_application(name), batcher_config=rr.ChunkBatcherConfig.LOW_LATENCY())
     sink = rr.GrpcServerSink(bind_ip="127.0.0.1", port=port, server_memory_limit=_HOSTED_MEMORY)
     try:
         recording.set_sinks(sink)
@@ -131,7 +139,7 @@ class GrowingFile:
         except OSError as error:
             raise self._unwritten(error) from error
         flush_and_cleanup_orphaned_recordings()  # as above
-        self.recording = rr.RecordingStream(f"tssgeom: {path.stem}", recording_id=uuid4())
+        self.recording = rr.RecordingStream(_application(path.stem), recording_id=uuid4())
         self._stream = self.recording.binary_stream()
         self.recording.send_recording_name(path.stem)
         self._size, self._full = 0, False
