@@ -213,6 +213,13 @@ def test_groups_of_thousands_midnight_dates_apart_and_set_points(tmp_path, text,
     np.testing.assert_allclose(read.tension_in, tension)
 
 
+@pytest.mark.parametrize("minus", ["-", "\N{MINUS SIGN}"])
+def test_the_minus_sign_of_unicode_is_one(tmp_path, minus):
+    text = "time_s;tension_in_N\n" + "".join(f"0,{k};{minus}{k},5\n" for k in range(1, 9))
+    (tmp_path / "run.csv").write_text(text, "utf-8")
+    np.testing.assert_array_equal(read_run(tmp_path / "run.csv").tension_in, -np.arange(1, 9) - 0.5)
+
+
 def test_a_target_in_a_run_is_named(tmp_path):
     (tmp_path / "run.csv").write_text("time_s,tension_in_N,displacement_target_m\n0,1,2\n1,2,3\n")
     (warning,) = read_run(tmp_path / "run.csv").warnings

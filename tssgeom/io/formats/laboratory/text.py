@@ -27,6 +27,8 @@ _COMMENTS = ("#", "%", "//", "!", "*")
 _SPACES = " "
 _SEPARATORS = {"\t": "tabs", ";": "semicolons", ",": "commas", "|": "bars", _SPACES: "spaces"}
 EXPECTED = "write a header such as x_mm,y_mm,z_mm or time_s,tension_in_N,tension_out_N, comma-separated"
+_SIGN = re.compile("\N{MINUS SIGN}(?=[\\d.,])")
+"""The minus sign of Unicode before a number, which some locales write."""
 _BEGINS = {b"PK\x03\x04": ".xlsx", b"\xd0\xcf\x11\xe0": ".xls", b"PAR1": ".parquet", b"\x93NUMPY": ".npy"}
 """First bytes of files that are no text, and the ending of such files."""
 _ENCODINGS = {"utf-16": "UTF-16", "utf-16-le": "UTF-16", "utf-16-be": "UTF-16", "cp1252": "Windows-1252"}
@@ -107,11 +109,12 @@ def decoded(path: Path, raw: bytes) -> tuple[str, list[str]]:
             whole = raw.decode(encoding).removeprefix("\ufeff")
         except UnicodeDecodeError:
             continue
-        text = whole.rstrip("\0")
+        text = _SIGN.sub("-", whole.rstrip("\0"))
         if any(ord(sign) < ord(" ") and sign not in "\t\n\r\f\v" for sign in text[: LIMITS.head]):
             break
         notes += [f"{_ENCODINGS[encoding]} text"] if encoding in _ENCODINGS else []
-        notes += [f"{len(whole) - len(text)} zero bytes at the end left out"] if text != whole else []
+        zeros = len(whole) - len(text)
+        notes += [f"{zeros} zero bytes at the end left out"] if zeros else []
         return text, notes
     kind = next((kind for begin, kind in _BEGINS.items() if raw.startswith(begin)), None)
     hint = "save the table as CSV in UTF-8" if kind is None else f"it begins as {kind} does: name it so"
