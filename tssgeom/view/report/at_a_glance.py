@@ -20,10 +20,8 @@ from tssgeom.view.report.page import with_subscripts
 Row = Mapping[str, Any]
 _FEWEST = 3  # inputs from which a distribution is clearer than the table; chosen
 _MOST_BARS, _FEWEST_BARS = 30, 6  # of a histogram; chosen
-_LONGEST_NAME, _HEAD = (
-    48,
-    16,
-)  # letters of a name in a table, and of its beginning; chosen: names differ at the end
+_LONGEST_NAME = 48  # letters of a name in a table [1]; chosen
+_HEAD = 16  # letters of its beginning that stay [1]; chosen: names differ at the end
 _BAR, _MARK = "#9db7d5", "#d55e00"
 
 
