@@ -41,7 +41,6 @@ from tssgeom.tendon.transmission import Transmission
 
 Carried = TendonState | CarriedMachine
 """What goes on from frame to frame: one tendon, or a machine."""
-_STANDS = 0.5  # probability from which a route is taken to stand [1]; chosen
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -160,7 +159,7 @@ def pulled(
         raise SettingsError("the state is of a machine, the rig is one tendon on a spring: start anew")
     shape, tracked, fit, shared = sensed
     points = tracked.filtered
-    stands = None if points is None or points.interval == 0.0 else points.standing > _STANDS
+    stands = None if points is None else points.stands
     at = Step(fit.arcs, frame.time, frame.temperature, stands, shared)
     given = Given(
         frame.tension_in, frame.displacement_in, frame.displacement_target, frame.tension_out_target

@@ -36,6 +36,10 @@ class FilterLimits:
     constant_share: float = 0.2
     """Least share of a stated variance that counts as constant in time [1]. Chosen: what changes is known to
     some 10 % after a few frames."""
+    stands: float = 0.5
+    """Probability from which a route is taken to stand [1]. Chosen."""
+    moves: float = 0.01
+    """The same below which a fibre is taken to move [1]. Chosen: one component needs frames to show it."""
     exchanged: float = 0.1
     """Squared distances of two points that are exchanged over those as they came [1]. Chosen."""
 
@@ -93,6 +97,15 @@ class PointFilter(NamedTuple):
     """Coordinates that are sensed: 3 of a point, 2 of the curvature of a fibre."""
     turning: Turning | None = None
     """Of a fibre, the component of its curvatures that Φ depends on."""
+
+    @property
+    def stands(self) -> bool | None:
+        """Whether the route stands; None where that is not known yet."""
+        if self.interval == 0.0:
+            return None
+        if self.standing > FILTER.stands:
+            return True
+        return None if self.turning is not None and self.standing > FILTER.moves else False
 
 
 def begun(points: Points, noise: float, time: float, cell: Vector | None = None) -> PointFilter | None:
