@@ -12,7 +12,7 @@ import numpy as np
 from tssgeom.errors import TssgeomError
 from tssgeom.frame import Frame, fit_frame
 from tssgeom.rig import Rig
-from tssgeom.route.fibre.follow import stretches
+from tssgeom.route.fibre.models import stretches
 from tssgeom.route.time_filter import PointFilter
 from tssgeom.route.time_smoother import smoothed
 

@@ -9,8 +9,7 @@ from tssgeom import Arcs, pretensioned, process, step, transmit
 from tssgeom.frame import Frame, fit_frame
 from tssgeom.rig import Rig
 from tssgeom.route.fibre import noise as of_noise
-from tssgeom.route.fibre.follow import stretches
-from tssgeom.route.fibre.models import Kinds, Sensed, kinds_of, partitions
+from tssgeom.route.fibre.models import Kinds, Sensed, kinds_of, partitions, stretches
 from tssgeom.route.fibre.noise import LEVELS, LastNoise, noises
 from tssgeom.route.fibre.sensed import clean_fibre, fit_fibre
 from tssgeom.route.time_filter import begun, filtered

@@ -68,10 +68,12 @@ static double smooth_part(const basis *of, const double field[][3], double part[
     double squares = 0.0;
     for (int64_t m = 0; m < of->count; m++) {
         double sum[3] = {0.0, 0.0, 0.0};
-        for (int64_t i = 0; i < of->n; i++)
-            for (int c = 0; c < 3; c++)
-                if (of->direction) sum[0] += of->direction[i][c] * field[i][c];
-                else sum[c] += of->wave[m * of->n + i] * field[i][c];
+        if (of->direction)
+            for (int64_t i = 0; i < of->n; i++)
+                for (int c = 0; c < 3; c++) sum[0] += of->direction[i][c] * field[i][c];
+        else
+            for (int64_t i = 0; i < of->n; i++)
+                for (int c = 0; c < 3; c++) sum[c] += of->wave[m * of->n + i] * field[i][c];
         for (int c = 0; c < 3; c++) part[m][c] = sum[c], squares += sum[c] * sum[c];
     }
     return squares;

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -11,11 +10,10 @@ import numpy as np
 from tssgeom import core
 from tssgeom.arrays import Matrix, Points, Vector, rows_at
 from tssgeom.core.constants_route import NODES
-from tssgeom.route.fibre.models import PRIOR, Kinds, Sensed, log_densities
-from tssgeom.route.fibre.noise import Noises, log_prior
+from tssgeom.route.fibre.models import DRAWS, PRIOR, Kinds, Sensed
+from tssgeom.route.fibre.noise import Noises
 
-_DRAWS = 256  # chosen: the rest is below a tenth of a standard error
-_SEED = 36
+_SEED = 36  # of the draws
 
 
 class Draws(NamedTuple):
@@ -46,31 +44,27 @@ def sampled(sensed: Sensed, kinds: Kinds, of: Noises) -> Draws:
     intervals = len(sensed.s) - 1
     each = max(2, -(-NODES.fewest // intervals))
     s = rows_at(np.arange(each * intervals + 1) / each, np.arange(intervals + 1.0), sensed.s[:, None])[:, 0]
-    uniform, normal = _random_numbers(_DRAWS, len(sensed.s))
+    uniform, normal = _random_numbers(DRAWS, len(sensed.s))
     strongest = sensed.bend[np.argmax(np.linalg.norm(sensed.bend, axis=1))]
     cos, sin = strongest / max(float(np.linalg.norm(strongest)), 1e-300)
     turned = np.array([[cos, -sin], [sin, cos]]) if cos or sin else np.eye(2)
-    count = np.diff(np.round(_DRAWS * np.concatenate(([0.0], np.cumsum(of.probability)))).astype(int))
-    parts, begin, log_evidence = list[list[np.ndarray]](), 0, of.log_evidence
+    count = np.diff(np.round(DRAWS * np.concatenate(([0.0], np.cumsum(of.probability)))).astype(int))
+    parts, evidences, begin = list[list[np.ndarray]](), list[float](), 0
     rate, bent = PRIOR.pieces / sensed.length, sensed.bend @ turned
     for noise, share in zip(of.level, count, strict=True):
         if share:
-            own, precision = slice(begin, begin + share), sensed.merged / noise**2
-            given = (sensed.s, bent, precision)
+            own, given = slice(begin, begin + share), (sensed.s, bent, sensed.merged / noise**2)
             evidence, *part = core.fibre_draws(*given, *kinds, rate, s, uniform[own], normal[own])
             parts.append(part)
+            evidences.append(evidence)
             begin += share
-            if of.log_evidence is None and 2.0 * share >= _DRAWS:  # the middle level
-                log_evidence = evidence + log_densities(precision[sensed.read])
-                if of.relative_se > 0.0:
-                    width = of.relative_se * math.sqrt(2.0 * math.pi)
-                    log_evidence += log_prior(math.log(noise)) + math.log(width)
     bend, kappa, phi, smooth = parts[0]
     if len(parts) > 1:
         bend, kappa, phi, smooth = (np.concatenate(each) for each in zip(*parts, strict=True))
     bend = (bend.reshape(-1, 2) @ turned.T).reshape(bend.shape)
     mean = bend.mean(axis=0)
-    return Draws(s, mean, bend - mean, kappa, phi, smooth, 0.0 if log_evidence is None else log_evidence)
+    log_evidence = of.with_middle(sensed, evidences[len(evidences) // 2])
+    return Draws(s, mean, bend - mean, kappa, phi, smooth, log_evidence)
 
 
 @lru_cache(maxsize=4)

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tssgeom.arrays import Matrix, Vector
+from tssgeom.route.fibre.models import stretches
 from tssgeom.route.fibre.noise import LastNoise
 from tssgeom.route.fibre.sensed import clean_fibre, fit_fibre, sensed_shape
 from tssgeom.route.model_check import TrackedFit
@@ -83,12 +84,6 @@ def follow_fibre(
     )
     shape = sensed_shape(fibre, fit)
     return shape if now is None else replace(shape, warnings=shape.warnings + now.warnings), tracked
-
-
-def stretches(stations: Vector) -> Vector:
-    """Length of the stretch that each grating stands for: to halfway to the next ones [n] [m]."""
-    s = np.asarray(stations, dtype=np.float64)
-    return np.diff(np.concatenate((s[:1], 0.5 * (s[1:] + s[:-1]), s[-1:])))
 
 
 def _same_gratings(reading: FibreReading, last: TrackedFit) -> bool:

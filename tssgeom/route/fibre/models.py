@@ -42,6 +42,8 @@ class FibrePrior:
 
 
 PRIOR = FibrePrior()
+DRAWS = 256
+"""Draws of the curvature [1]. Chosen: the rest is below a tenth of a standard error."""
 
 
 class Kinds(NamedTuple):
@@ -53,6 +55,16 @@ class Kinds(NamedTuple):
     """Of its covariance along the piece, 0 where constant [k] [1/m]."""
     share: Vector
     """Probability of each [k] [1]."""
+
+
+def cell_bounds(s: Vector) -> Vector:
+    """Bounds of the stretch that each of some arc lengths [n] [m] stands for, as `Sensed.cell` [n+1] [m]."""
+    return np.concatenate((s[:1], 0.5 * (s[1:] + s[:-1]), s[-1:]))
+
+
+def stretches(s: Vector) -> Vector:
+    """Length of the stretch that each of some arc lengths stands for [n] [m]."""
+    return np.diff(cell_bounds(s))
 
 
 class Sensed(NamedTuple):
@@ -80,7 +92,7 @@ class Sensed(NamedTuple):
     @property
     def cell(self) -> Vector:
         """Bounds of the stretch that each site stands for: both ends, and halfway between [n+1] [m]."""
-        return np.concatenate(([0.0], 0.5 * (self.s[1:] + self.s[:-1]), [self.length]))
+        return cell_bounds(self.s)
 
     @property
     def typical(self) -> float:

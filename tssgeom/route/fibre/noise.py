@@ -10,7 +10,7 @@ import numpy as np
 
 from tssgeom.arrays import Vector
 from tssgeom.core.constants import CHANCE
-from tssgeom.route.fibre.models import PRIOR, Kinds, Sensed, partitions
+from tssgeom.route.fibre.models import DRAWS, PRIOR, Kinds, Sensed, log_densities, partitions
 from tssgeom.route.model_choice import NOISE_PRIOR
 
 
@@ -24,8 +24,6 @@ class NoiseLevels:
     """Levels that are added where the probability is, at most."""
     step: float = 0.8
     """Step of the logarithm of the noise that is fine enough [standard errors]."""
-    share: float = 1.0 / 256.0
-    """Probability of a step below which it needs no level: that of a draw [1]."""
     near_step: float = 1.5
     """Distance from the noise of the last frame to the levels on both sides [standard errors]."""
     most_ratio: float = 2.0
@@ -64,6 +62,15 @@ class Noises(NamedTuple):
     log_evidence: float | None
     """Evidence of the curvatures over all of them (natural logarithm); None where it is not summed yet."""
 
+    def with_middle(self, sensed: Sensed, evidence: float) -> float:
+        """Return ln of the evidence over all levels, by the sum (36) of the middle one."""
+        if self.log_evidence is not None:
+            return self.log_evidence
+        of_level = evidence + log_densities(sensed.merged[sensed.read] / self.estimate**2)
+        if self.relative_se == 0.0:
+            return of_level
+        return of_level + _log_prior(math.log(self.estimate)) + _log_width(self.relative_se)
+
 
 def noises(sensed: Sensed, kinds: Kinds, last: LastNoise | None = None) -> Noises:
     """Levels of the noise: the known one, else a grid that is fine where the probability is; (240).
@@ -85,7 +92,7 @@ def noises(sensed: Sensed, kinds: Kinds, last: LastNoise | None = None) -> Noise
     for _ in range(LEVELS.more):
         mass = np.exp(np.maximum(density[1:], density[:-1]) - density.max()) * np.diff(level)
         widest = np.where(np.diff(level) > finest, mass, 0.0)
-        if widest.max() <= LEVELS.share * mass.sum():
+        if DRAWS * widest.max() <= mass.sum():  # no step has a draw of its own
             break
         i = int(np.argmax(widest))
         middle = 0.5 * (level[i] + level[i + 1])
@@ -118,17 +125,22 @@ def _near(sensed: Sensed, kinds: Kinds, last: LastNoise) -> Noises | None:
     ratio, off = deviation / last.relative_se, -step * slope / bend
     if max(ratio, 1.0 / ratio) > LEVELS.most_ratio or abs(off) > CHANCE.clear * last.relative_se:
         return None
-    log_evidence = at - 0.5 * slope**2 / bend + math.log(deviation * math.sqrt(2.0 * math.pi))
+    log_evidence = at - 0.5 * slope**2 / bend + _log_width(deviation)
     return _normal(middle + off, deviation, log_evidence)
 
 
 def _log_density(sensed: Sensed, kinds: Kinds, log_noise: float) -> float:
     """Evidence times the prior of ln noise (natural logarithm)."""
-    return partitions(sensed, kinds, math.exp(log_noise)).log_evidence + log_prior(log_noise)
+    return partitions(sensed, kinds, math.exp(log_noise)).log_evidence + _log_prior(log_noise)
 
 
-def log_prior(log_noise: float) -> float:
+def _log_prior(log_noise: float) -> float:
     """Prior of ln noise (natural logarithm)."""
     width = NOISE_PRIOR.decades * math.log(10.0)
     off = (log_noise - math.log(PRIOR.noise_per_m)) / width
-    return -0.5 * off**2 - math.log(width * math.sqrt(2.0 * math.pi))
+    return -0.5 * off**2 - _log_width(width)
+
+
+def _log_width(deviation: float) -> float:
+    """Integral of a normal density of height one (natural logarithm)."""
+    return math.log(deviation * math.sqrt(2.0 * math.pi))

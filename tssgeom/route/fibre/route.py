@@ -20,6 +20,7 @@ from tssgeom.route.fibre.models import (
     joint_variance,
     piece_curvature,
     piece_means,
+    stretches,
 )
 from tssgeom.route.pieces import Arcs, spread_over
 from tssgeom.route.route import Route
@@ -176,9 +177,7 @@ def _fit(
 
 def _variance_of_end(draws: Draws) -> float:
     """Variance of one coordinate of the distal end, a third of that of all three [m²]; (35)."""
-    weight = np.gradient(draws.s)
-    weight[[0, -1]] *= 0.5
     position, axes = integrated(draws.s, draws.bend)
-    moved = np.cross(axes[:, 1:], (position[-1] - position)[:, None, :]) * weight[:, None, None]
+    moved = np.cross(axes[:, 1:], (position[-1] - position)[:, None, :]) * stretches(draws.s)[:, None, None]
     off = np.tensordot(draws.off, moved, axes=2)
     return float(np.mean(np.sum(off**2, axis=1))) / 3.0
