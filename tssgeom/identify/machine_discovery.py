@@ -5,6 +5,7 @@ Source: docs/machines.md, "What a machine lacks"; docs/model.md (196)-(198).
 
 from __future__ import annotations
 
+import itertools
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -21,18 +22,21 @@ from tssgeom.identify.machine_evidence import (
     held_out_ratio,
     held_out_rises,
     modelled,
+    own_numbers,
 )
 from tssgeom.identify.machine_finding import MachineCampaign, MachineWork, NamedZero
 from tssgeom.identify.machine_fit import fit_from, start_of
-from tssgeom.identify.machine_parameters import parameters_of
+from tssgeom.identify.machine_parameters import parameters_of, route_numbers
 from tssgeom.identify.machine_parts import parts_of
-from tssgeom.identify.machine_problem import FIT, Problem, fitted_rows
+from tssgeom.identify.machine_problem import FIT, FitState, Problem, fitted_rows
+from tssgeom.identify.machine_route_errors import with_own_route_errors, with_route_errors
 from tssgeom.identify.machine_run import MachineRun, thinned, turns_of
 from tssgeom.identify.machine_selection import PartSelection, selected_parts, without_zeros
 from tssgeom.statistics import EVIDENCE_SCALE
 from tssgeom.tendon.machine_simulation import drive_channels
 from tssgeom.threads import single_threaded
 
+_OWN = "only its zeros, its start, and the errors of a route that no other run has,"
 _SPLIT = 2
 """Pairs of pieces into which a run without two cycles is cut; chosen: quarters."""
 
@@ -77,7 +81,10 @@ def machine_work(
     fitted, kept, said = parted_runs(campaign)
     parameters = tuple(parameters_of(fitted, campaign.rig, campaign.uncertain))
     problem = Problem(fitted, campaign.rig, parameters, fitted_rows(fitted, held_out=False), FIT.bars)
-    problem, state = fit_from(problem, start_of(problem), lambda share: progress("fitting", 0.2 * share))
+    problem, state = fit_from(
+        problem, start_of(problem), lambda share: progress("fitting", 0.2 * share), with_route_errors
+    )
+    kept = tuple(_with_own_errors(run, problem, state) for run in kept)
     base = modelled(problem, state, (), kept)
     free = [each.key for each in parameters if each.kind == "rig"]
     parts = parts_of(campaign.rig, free, fitted)
@@ -89,6 +96,20 @@ def machine_work(
     base, zeros = _zeros(chosen, kept)
     work = MachineWork(campaign, fitted, kept, base, chosen, zeros)
     return work, (*said, *(note for run in fitted for note in run.notes))
+
+
+def _with_own_errors(run: MachineRun, problem: Problem, state: FitState) -> MachineRun:
+    """Return a run that is held out with what the errors of routes do that no fitted run has; (286)."""
+    model = FittedModel(problem, state, (), {}, {}, {})
+    *of_fitted, numbers = route_numbers((*problem.runs, run))
+    fitted = set(itertools.chain.from_iterable(of_fitted))
+    known = [which for which, number in enumerate(numbers) if number in fitted]
+    alone = problem.runs[0].routes[:1] if len(fitted) == 1 else ()  # whose error is that of all angles there
+    shared = sum((each.total_angle_se / max(each.total_angle, 1e-12)) ** 2 for each in alone)
+    there = model.on_known_routes(run)
+    own, state = own_numbers(there, model.rig)
+    made = with_own_route_errors(there, model.rig, own.of_run(state.u, 0), known, shared)
+    return replace(run, bends=made.bends)
 
 
 def parted_runs(
@@ -118,7 +139,7 @@ def parted_runs(
     return (
         fitted,
         kept,
-        (f"Held out: {', '.join(names)}, {why}; only its zeros and its start are fitted to it.",),
+        (f"Held out: {', '.join(names)}, {why}; {_OWN} are fitted to it.",),
     )
 
 

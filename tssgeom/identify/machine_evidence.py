@@ -17,7 +17,7 @@ from tssgeom.core.constants import CHANCE
 from tssgeom.errors import FitError, SettingsError
 from tssgeom.identify.fit_quality import first_weights, inflation_of, spread
 from tssgeom.identify.machine_fit import fit_round, fitted_again
-from tssgeom.identify.machine_parameters import parameters_of, route_numbers
+from tssgeom.identify.machine_parameters import bends_of, parameters_of, route_numbers
 from tssgeom.identify.machine_parts import Part
 from tssgeom.identify.machine_problem import FIT, FitState, Problem, fitted_rows
 from tssgeom.identify.machine_run import MachineRun, turns_of
@@ -73,9 +73,12 @@ class FittedModel:
 
     def on_known_routes(self, run: MachineRun) -> MachineRun:
         """Return a run that is not fitted with the angles of routes that are, as they were fitted."""
-        factors = self.problem.route_factors(self.state.u)
+        factors, moved = self.problem.route_factors(self.state.u), self.problem.moved_bends(self.state.u)
         pairs = zip(run.routes, route_numbers((*self.problem.runs, run))[-1], strict=True)
-        routes = tuple(arcs.scaled(angle=factors.get(number, 1.0)) for arcs, number in pairs)
+        routes = tuple(
+            (arcs.moved(moved[number]) if number in moved else arcs).scaled(angle=factors.get(number, 1.0))
+            for arcs, number in pairs
+        )
         return replace(run, routes=routes)
 
 
@@ -101,6 +104,7 @@ def modelled(
 def own_numbers(run: MachineRun, rig: Rig, fixed: Sequence[str] = ()) -> tuple[Problem, FitState]:
     """Fit to a run its zeros and its start alone; all else is that of the rig, and zeros `fixed` too."""
     own = [each for each in parameters_of([run], rig, ()) if each.kind not in ("rig", "route")]
+    own += bends_of(run.bends)
     parameters = tuple(each for each in own if each.kind != "zero" or each.key not in fixed)
     problem = Problem((run,), rig, parameters, fitted_rows([run], held_out=None), FIT.bars)
     weight, inflation = first_weights(problem.measured()), np.ones(len(problem.rows))

@@ -213,8 +213,9 @@ class MachineWork:
         for run in self.kept:
             both = []
             for one in models:
-                own, there = own_numbers(run, one.rig, one.fixed)
-                both.append(finely_predicted(run, one.rig, own.of_run(there.u, 0), _BARS))
+                on = one.on_known_routes(run)
+                own, there = own_numbers(on, one.rig, one.fixed)
+                both.append(finely_predicted(on, one.rig, own.of_run(there.u, 0), _BARS))
             yield _trace(replace(run, held_out=~run.held_out), both, noise, run.name, held=True)
 
 

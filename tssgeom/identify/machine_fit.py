@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -65,11 +66,17 @@ def _corners(problem: Problem, free: Sequence[int]) -> Iterator[Vector]:
 
 
 def fit_from(
-    problem: Problem, start: Vector, progress: Callable[[float], object]
+    problem: Problem,
+    start: Vector,
+    progress: Callable[[float], object],
+    extended: Callable[[Problem, FitState], tuple[Problem, Vector]] | None = None,
 ) -> tuple[Problem, FitState]:
     """Fit, weigh each channel by what is left and by how long its errors last, and fit again."""
     weight, inflation = first_weights(problem.measured()), np.ones(len(problem.rows))
     state = fit_round(problem, start, weight, inflation)
+    if extended is not None:
+        problem, u = extended(problem, state)
+        state = replace(state, u=u, beside=None)
     for k in range(ROBUST.rounds):
         progress((k + 1) / (ROBUST.rounds + 1))
         problem, state = fitted_again(problem, state)

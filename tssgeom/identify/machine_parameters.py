@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -23,11 +23,12 @@ class Parameter(NamedTuple):
     name: str
     unit: str
     prior: Prior
-    kind: Literal["rig", "zero", "given zero", "history", "turn", "route"]
+    kind: Literal["rig", "zero", "given zero", "history", "turn", "route", "bends"]
     run: int = -1
     """The run that it belongs to; −1 for all."""
     key: str = ""
-    """Key of the rig, channel, number of a tendon, or number of a route of `route_numbers`."""
+    """Key of the rig, channel, number of a tendon, number of a route of `route_numbers`, or key of
+    `MachineRun.bends`."""
 
     def value(self, u: float) -> float:
         """Return the number in its unit; a share of friction is even over −1 to 1."""
@@ -70,6 +71,12 @@ def _of_routes(runs: Sequence[MachineRun]) -> Iterator[Parameter]:
             prior = assumed("", 1.0, arcs.total_angle_se / arcs.total_angle)
             alone = min(on[number]) if len(on[number]) == 1 else -1
             yield Parameter(f"true over sensed angle of {of}", "1", prior, "route", alone, str(number))
+
+
+def bends_of(keys: Iterable[str]) -> list[Parameter]:
+    """Return errors of where the bends of routes lie, by their keys in `MachineRun.bends`; (286)."""
+    unit = Prior(0.0, 1.0, log=False)
+    return [Parameter(f"bends of a route, {key}", "1", unit, "bends", key=key) for key in keys]
 
 
 def route_numbers(runs: Sequence[MachineRun]) -> list[list[int]]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import NamedTuple
 
@@ -47,6 +47,8 @@ class MachineFitSettings:
 
 
 FIT = MachineFitSettings()
+_LINEAR = ("zero", "bends")
+"""Kinds of numbers by which the channels are straight: nothing is simulated for their derivatives."""
 
 
 class Beside(NamedTuple):
@@ -71,6 +73,8 @@ class Problem:
     bars: int
     too_few_bars: tuple[Mapping[str, Vector], ...] = ()
     """What more bars would add to the channels of each run; nothing where empty."""
+    route_errors: Mapping[int, Matrix] = field(default_factory=dict)
+    """By number of a route: errors of its lengths and angles [2k, m], of one s.d. each; (286)."""
 
     def corrected(self, u: Vector, channels: Sequence[Mapping[str, Vector]]) -> Problem:
         """Return the problem with what more bars than its own would add at these numbers."""
@@ -119,13 +123,26 @@ class Problem:
         numbers = route_numbers(self.runs)[k] if factors else []
         of_routes = {("route", str(i)): factors.get(number, 1.0) for i, number in enumerate(numbers)}
         pairs = zip(self.parameters, u, strict=True)
-        own = ((each, x) for each, x in pairs if each.run == k and each.kind != "route")
+        bends = self.runs[k].bends
+        own = (
+            (each, x)
+            for each, x in pairs
+            if (each.run == k and each.kind != "route") or (each.kind == "bends" and each.key in bends)
+        )
         return {(each.kind, each.key): each.value(x) for each, x in own} | of_routes
 
     def route_factors(self, u: Vector) -> dict[int, float]:
         """Return the true over the sensed angle of each route whose angle has an error, by its number [1]."""
         pairs = zip(self.parameters, u, strict=True)
         return {int(each.key): each.value(x) for each, x in pairs if each.kind == "route"}
+
+    def moved_bends(self, u: Vector) -> dict[int, Vector]:
+        """Return how lengths and angles of each route are off [2k], by its number [m, rad]."""
+        sizes = {each.key: x for each, x in zip(self.parameters, u, strict=True) if each.kind == "bends"}
+        return {
+            number: errors @ np.array([sizes[f"{number} {m}"] for m in range(errors.shape[1])])
+            for number, errors in self.route_errors.items()
+        }
 
     def left(self, channels: Sequence[Mapping[str, Vector]]) -> list[Vector]:
         """Return measured less simulated of each block of rows."""
@@ -171,6 +188,10 @@ class Problem:
                 for b, (k, name, _) in enumerate(self.rows):
                     if (k, name) == (parameter.run, parameter.key):
                         out[edges[b] : edges[b + 1], j] = -parameter.prior.sd
+            elif parameter.kind == "bends":
+                for b, (k, name, at) in enumerate(self.rows):
+                    if parameter.key in self.runs[k].bends:
+                        out[edges[b] : edges[b + 1], j] = -self.runs[k].bends[parameter.key][name][at]
         for j, there in beside.items():
             for b, (k, name, at) in enumerate(self.rows):
                 if there.channels is not None and (there.only < 0 or k == there.only):
@@ -180,7 +201,7 @@ class Problem:
 
     def beside(self, u: Vector, steps: Vector) -> dict[int, Beside]:
         """Return the channels a step beside some numbers, along each number that is not a zero."""
-        simulated = [j for j, each in enumerate(self.parameters) if each.kind != "zero"]
+        simulated = [j for j, each in enumerate(self.parameters) if each.kind not in _LINEAR]
         with ThreadPoolExecutor(min(len(simulated), os.cpu_count() or 1)) as pool:
             along = partial(self._beside, u, steps, self.machines(u))
             return dict(zip(simulated, pool.map(along, simulated), strict=True))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -62,6 +62,8 @@ class MachineRun:
     """The one channel that drives, a tension or a position beside a force, whose turns have levels of their
     own; (70), (71), (276)."""
     notes: tuple[str, ...] = ()
+    bends: Mapping[str, Mapping[str, Vector]] = field(default_factory=dict)
+    """By key of a fitted number: how the channels change where its bends are a standard error off; (286)."""
 
     def at_readings(self, values: Vector) -> Vector:
         """Return values [s] of samples at those of the run alone, without turns between two of them."""
@@ -285,7 +287,11 @@ class Machines:
             if kind == "given zero":
                 given[channel] = given[channel] - zero
         out = simulate_machine(machine, given, drive=run.drive, end_given=run.end_given, start=Start(shares))
-        return {name: out[name] + values.get(("zero", name), 0.0) for name in run.measured}
+        read = {name: out[name] + values.get(("zero", name), 0.0) for name in run.measured}
+        for key, change in run.bends.items():
+            if by := values.get(("bends", key), 0.0):
+                read = {name: value + by * change[name] for name, value in read.items()}
+        return read
 
     def _on(self, routes: Sequence[Arcs], scales: Sequence[float]) -> Machine:
         """Return the rig on some routes, their angles times a factor each."""

@@ -13,6 +13,8 @@ from tssgeom.result import Result
 from tssgeom.route.curvature import CurvatureProfile
 from tssgeom.route.spline.fit import Spline
 
+_SHORTEST = 0.1  # of a piece: what moved bends leave of its length [1]; chosen: the pieces stay in order
+
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Arcs(Result):
@@ -54,6 +56,15 @@ class Arcs(Result):
             covariance=covariance,
             form_variance=angle**2 * self.form_variance,
         )
+
+    def moved(self, by: Vector) -> Arcs:
+        """Return the pieces with all lengths and all angles changed [2k] [m, rad], their errors as they are.
+
+        No piece gets shorter than a tenth, and none turns back.
+        """
+        length, angle = np.split(np.concatenate((self.length, self.angle)) + by, 2)
+        length = np.maximum(length, _SHORTEST * self.length)
+        return replace(self, length=read_only(length), angle=read_only(np.maximum(angle, 0.0)))
 
     @property
     def noise_covariance(self) -> Matrix:

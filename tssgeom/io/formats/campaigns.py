@@ -21,6 +21,8 @@ from tssgeom.plausibility.frames import rig_remarks
 from tssgeom.plausibility.rules import warnings_of
 from tssgeom.plausibility.runs import campaign_remarks, fit_remarks, run_remarks
 from tssgeom.rig import Rig, Sensor, read_rig
+from tssgeom.route.finer_pieces import finer_pieces
+from tssgeom.route.pieces import Arcs
 from tssgeom.stream import Frame, FrameResult, Rejected
 from tssgeom.toml_keys import with_short_keys
 
@@ -221,6 +223,16 @@ def _routes(
 
 def read_route(path: Path, name: str, rig: Rig, unit: str | None, said: ColumnMap, notes: list[str]) -> Route:
     """Fit the route of a shape, and add what was noticed to `notes`; raise ShapeError where there is none."""
+    result = _read_shape(path, rig, unit, said, notes)
+    return Route(name, result.arcs, result.route.position, result.route.s)
+
+
+def read_finer_pieces(path: Path, rig: Rig, unit: str | None, said: ColumnMap, notes: list[str]) -> Arcs:
+    """Do as `read_route`, and return its pieces as short as a machine needs them; docs/model.md (283)."""
+    return finer_pieces(_read_shape(path, rig, unit, said, notes).fit)
+
+
+def _read_shape(path: Path, rig: Rig, unit: str | None, said: ColumnMap, notes: list[str]) -> FrameResult:
     recording = open_recording(path, unit, said)
     result, reasons = _first_usable(recording.frames, rig)
     if result is None:
@@ -234,7 +246,7 @@ def read_route(path: Path, name: str, rig: Rig, unit: str | None, said: ColumnMa
         f"{path.name}: {warning}"
         for warning in (*how_read(recording.notes), *recording.warnings, *result.warnings)
     ]
-    return Route(name, result.arcs, result.route.position, result.route.s)
+    return result
 
 
 def _first_usable(frames: Iterable[Frame | Rejected], rig: Rig) -> tuple[FrameResult | None, list[str]]:

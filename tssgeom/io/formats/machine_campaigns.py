@@ -10,8 +10,14 @@ import msgspec
 from tssgeom.errors import SettingsError, TssgeomError
 from tssgeom.identify.machine_finding import MachineCampaign
 from tssgeom.identify.machine_run import load_remarks, machine_run
-from tssgeom.io.formats.campaigns import Listed, listing_of, read_columns, read_plan, read_route, run_names
-from tssgeom.io.formats.files import output_names
+from tssgeom.io.formats.campaigns import (
+    Listed,
+    listing_of,
+    read_columns,
+    read_finer_pieces,
+    read_plan,
+    run_names,
+)
 from tssgeom.io.formats.laboratory.mapping import NO_MAP, ColumnMap
 from tssgeom.io.formats.paths import split
 from tssgeom.io.formats.runs import read_run
@@ -101,12 +107,10 @@ class _Routes:
     def read(self, runs: Sequence[Listed]) -> None:
         """Read every shape that the runs name."""
         shapes = [shape for listed in runs for shape in _shapes_of(listed)]
-        files = {shape: self._home / shape for shape in shapes}
-        named = output_names(list(dict.fromkeys(files.values())))
         plain = msgspec.structs.replace(self._rig, effects=())
-        for shape, path in files.items():
-            route = read_route(path, named[path], plain, self._unit, self._said, self._notes)
-            self._arcs[shape] = route.arcs
+        for shape in dict.fromkeys(shapes):
+            path = self._home / shape
+            self._arcs[shape] = read_finer_pieces(path, plain, self._unit, self._said, self._notes)
 
     def of(self, listed: Listed) -> list[Arcs]:
         """Return the routes of a run: one for all tendons, or one each."""
