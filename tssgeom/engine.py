@@ -17,7 +17,7 @@ from tssgeom.rig import Rig
 from tssgeom.route.time_filter import PointFilter
 from tssgeom.route.tracking import NotWarmError, TrackedFit, model_checked
 from tssgeom.sensed_route import SensedRoute, sensed_route
-from tssgeom.smoothed_frames import smoothed_in_time, smoothed_in_windows
+from tssgeom.smoothed_frames import along_the_route, smoothed_in_time, smoothed_in_windows
 from tssgeom.stream import Carried, FrameResult, Rejected, at_rest, drives_tendon, held, pulled
 from tssgeom.tendon.commander import Commander
 from tssgeom.tendon.state import TendonState
@@ -334,7 +334,7 @@ def alone(
     """
     rest = at_rest(rig)
     last: TrackedFit | None = None
-    frames = list(frames)
+    frames = list(along_the_route(frames, rig))
     points, watch = smoothed_in_time(frames, rig), FrameWatch()
     for seq, frame in enumerate(frames, first):
         if isinstance(frame, Rejected):

@@ -107,8 +107,8 @@ def fit_frame(
         return _fit_ends(ends)
     stated, given = _noise_that_counts(frame, rig, last), rig.shape
     contradicted = stated is None and last is not None and last.noise_contradicted
-    if given.order == "shortest" and frame.stations is None:
-        frame = _in_order(frame, last)
+    if given.order == "shortest" and frame.stations is None and now is None:  # filtered frames are in order
+        frame = in_order(frame, None if last is None else last.fit.route.position[0])
     if now is None and given.time_filter and last is not None and last.filtered is not None:
         now = filtered(last.filtered, frame.points, last.fit.noise, frame.time)
     noise = stated if now is None else noise_left(now, stated)
@@ -205,9 +205,8 @@ def _fit_ends(ends: TipReadings) -> tuple[Shape, TrackedFit]:
     return Shape(points, index, None, ()), TrackedFit(fit_tip(ends), index)
 
 
-def _in_order(frame: Frame, last: TrackedFit | None) -> Frame:
-    """Put the points of a frame in the order of the shortest path through them."""
-    first = None if last is None else last.fit.route.position[0]
+def in_order(frame: Frame, first: Vector | None) -> Frame:
+    """Put the points of a frame in the order of the shortest path; `first` was its first point [3] [m]."""
     path = along_the_shortest_path(frame.points, frame.directions, first)
     directions = None if frame.directions is None else read_only(frame.directions[path])
     return replace(frame, points=read_only(frame.points[path]), directions=directions)

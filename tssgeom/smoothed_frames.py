@@ -9,10 +9,12 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
+from tssgeom.arrays import Points
 from tssgeom.errors import TssgeomError
-from tssgeom.frame import Frame, fit_frame
+from tssgeom.frame import Frame, fit_frame, in_order
 from tssgeom.rig import Rig
 from tssgeom.route.fibre.models import stretches
+from tssgeom.route.observations import MIN_POINTS
 from tssgeom.route.time_filter import PointFilter
 from tssgeom.route.time_smoother import smoothed
 
@@ -61,13 +63,30 @@ def _goes_on(frame: Frame, first: Frame) -> bool:
     return np.array_equal(frame.stations, first.stations)
 
 
-def smoothed_in_windows(frames: Iterable[_T], rig: Rig) -> Iterator[tuple[_T, PointFilter | None]]:
+def along_the_route(frames: Iterable[_T], rig: Rig) -> Iterator[_T | Frame]:
+    """Put the points of frames in order where the rig wants it; each route begins where the last one did."""
+    first: Points | None = None
+    for frame in frames:
+        if rig.shape.order == "given" or not isinstance(frame, Frame):
+            yield frame
+            continue
+        if frame.stations is not None or len(frame.points) < MIN_POINTS:
+            yield frame
+            continue
+        ordered = frame
+        with suppress(TssgeomError):  # the fit refuses what has too many points
+            ordered = in_order(frame, first)
+        first = ordered.points[0] if len(ordered.points) else first
+        yield ordered
+
+
+def smoothed_in_windows(frames: Iterable[_T], rig: Rig) -> Iterator[tuple[_T | Frame, PointFilter | None]]:
     """Yield frames with the filters of their points, where these go on."""
-    rest = iter(frames)
+    rest = along_the_route(frames, rig)
     first = list(islice(rest, 1))
     points = max(first[0].points.shape[0], 1) if first and isinstance(first[0], Frame) else 1
     count = min(max(_WINDOW.points // points, _WINDOW.overlap), _WINDOW.most)
-    before, block = list[_T](), first + list(islice(rest, count))
+    before, block = list[_T | Frame](), first + list(islice(rest, count))
     while block:
         after = list(islice(rest, count))
         known = smoothed_in_time((*before, *block, *after[: _WINDOW.overlap]), rig)

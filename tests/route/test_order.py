@@ -6,6 +6,7 @@ import pytest
 from tests.known_routes import truth
 from tests.route.test_real_data import DATA
 from tssgeom import Frame, FrameResult, Rig, analyse, process
+from tssgeom.engine import alone, recorded
 from tssgeom.errors import FitError, ShapeError
 from tssgeom.rig import ShapeSensor
 from tssgeom.route.order import along_the_shortest_path, order_warning, shortest_path
@@ -38,6 +39,20 @@ def test_a_stream_keeps_its_direction_whatever_the_order_of_each_frame():
         assert isinstance(one, FrameResult)
         assert np.linalg.norm(one.route.position[0] - positions(colon(), np.zeros(1))[0]) < 0.002
         assert one.arcs.total_angle == pytest.approx(colon().total_angle, rel=0.03)
+
+
+@pytest.mark.parametrize("one_order", [True, False])
+def test_a_recording_is_put_in_order_before_its_points_are_filtered(one_order):
+    rng, n = np.random.default_rng(1), 30
+    orders = [rng.permutation(n) for _ in range(8)]
+    frames = [Frame(sensed(n, k)[orders[0 if one_order else k]], 0.1 * k) for k in range(8)]
+    frames[0] = Frame(sensed(n, 0), 0.0)
+    frames[4].points[11] = np.nan
+    for results in (recorded(frames, SHORTEST, tension_in=5.0), alone(frames, SHORTEST, tension_in=5.0)):
+        for one in results:
+            assert isinstance(one, FrameResult)
+            assert np.linalg.norm(one.route.position[0] - positions(colon(), np.zeros(1))[0]) < 0.002
+            assert one.arcs.total_angle == pytest.approx(colon().total_angle, rel=0.03)
 
 
 def test_directions_say_which_way_a_route_runs():
