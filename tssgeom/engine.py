@@ -155,7 +155,7 @@ class Engine:
                 return result
             self._state, track.last, self._commander = result.carried, result.tracked, result.commander
             self._was_driven |= is_driven
-            return _watched(result, track.watch)
+            return _watched(result, track.watch, self._rig)
 
     def sense(self, frame: Frame, track: Track) -> SensedRoute | Rejected:
         """Fit the route of a frame, for a later `push`: the tendon waits for no fit that takes long.
@@ -301,9 +301,9 @@ def _attempt(seq: int, frame: Frame, call: Callable[..., _Result], *arguments: o
         return Rejected(seq, frame.time, _reason(error), frame.id)
 
 
-def _watched(result: FrameResult, watch: FrameWatch) -> FrameResult:
+def _watched(result: FrameResult, watch: FrameWatch, rig: Rig) -> FrameResult:
     """Return a result with the rules that its frame breaks beside those before it."""
-    warnings = watch.take(result.frame)
+    warnings = watch.take(result.frame, in_order=rig.shape.order == "given")
     return replace(result, warnings=result.warnings + warnings) if warnings else result
 
 
@@ -343,5 +343,5 @@ def alone(
         sensed = _attempt(seq, frame, sensed_route, frame, rig, last, points.get(seq - first))
         result = _pulled(seq, frame, rest, rig, tension_in, sensed)
         if isinstance(result, FrameResult):
-            last, result = result.tracked, _watched(result, watch)
+            last, result = result.tracked, _watched(result, watch, rig)
         yield result

@@ -9,7 +9,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tssgeom.arrays import Matrix, Points, Vector, read_only, rows_at
-from tssgeom.errors import FitError, SettingsError, ShapeError
+from tssgeom.errors import FitError, ShapeError
+from tssgeom.plausibility.frames import require_one_target
 from tssgeom.result import Result
 from tssgeom.rig import Rig, Source
 from tssgeom.route.directions import NOISE_PRIOR as DIRECTION_NOISE
@@ -339,10 +340,6 @@ def require_usable(frame: Frame) -> None:
     elif _ends(frame, rig) is None:
         sensed_points(frame, rig, None)
     noise_of(frame, rig)
-    if frame.displacement_target is not None and frame.tension_out_target is not None:
-        raise SettingsError(
-            f"two targets, displacement_target_m {frame.displacement_target:g} and tension_out_target_N "
-            f"{frame.tension_out_target:g}: give one"
-        )
+    require_one_target(frame.displacement_target, frame.tension_out_target)
     if frame.tension_in is not None:
         check_tension(frame.tension_in)

@@ -13,7 +13,7 @@ from tssgeom.adapt.readings import FollowedRig, Readings
 from tssgeom.effects import named
 from tssgeom.errors import SettingsError
 from tssgeom.frame import Frame
-from tssgeom.plausibility.frames import frame_remarks, strain_remarks
+from tssgeom.plausibility.frames import frame_remarks, require_one_target, strain_remarks
 from tssgeom.plausibility.rules import warnings_of
 from tssgeom.result import Result
 from tssgeom.rig import Rig
@@ -157,6 +157,7 @@ def pulled(
         return _of_machine(seq, frame, state, rig, tension_in, sensed, commander, follower)
     if isinstance(state, CarriedMachine):
         raise SettingsError("the state is of a machine, the rig is one tendon on a spring: start anew")
+    require_one_target(frame.displacement_target, frame.tension_out_target)
     shape, tracked, fit, shared = sensed
     points = tracked.filtered
     stands = None if points is None else points.stands

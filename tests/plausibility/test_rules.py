@@ -85,12 +85,36 @@ def test_a_pause_between_frames_is_named_once():
     assert "[frame_time_jump]" in named[0]
 
 
+@pytest.mark.parametrize("other", [HALF[::-1], 1e3 * HALF, HALF * [1, -1, 1]])
+def test_a_route_that_leaps_and_comes_back_is_named_twice(other):
+    frames = [Frame(other if k == 8 else HALF + 1e-4 * k, time=0.01 * k) for k in range(20)]
+    watch, unordered = FrameWatch(), FrameWatch()
+    named = [text for frame in frames for text in watch.take(frame)]
+    assert len(named) == 2
+    assert all("[frame_leap]" in text for text in named)
+    assert not [text for frame in frames for text in unordered.take(frame, in_order=False)]
+
+
+def test_a_route_of_another_second_is_no_leap():
+    watch = FrameWatch()
+    frames = [Frame(HALF[::-1] if k == 8 else HALF, time=float(k)) for k in range(20)]
+    assert not [text for frame in frames for text in watch.take(frame)]
+
+
+def test_two_targets_are_rejected():
+    both = Frame(HALF, displacement_target=2e-3, tension_out_target=3.0)
+    (rejected,) = process([both], Rig(), tension_in=5.0)
+    assert isinstance(rejected, Rejected)
+    assert "two targets" in rejected.reason
+
+
 @pytest.mark.parametrize(
     ("bad", "rule"),
     [
         (Frame(HALF, time=0.5, tension_in=1e9), "strain"),
         (Frame(HALF, time=0.5, tension_in=15e3), "strain"),
         (Frame(HALF, time=0.5, displacement_in=5.0), "stroke"),
+        (Frame(HALF, time=0.5, tension_in=5.0, noise=0.2), "noise_unit"),
     ],
 )
 def test_a_frame_that_cannot_be_is_rejected_and_the_next_ones_are_as_if_it_had_not_come(bad, rule):

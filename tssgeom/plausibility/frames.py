@@ -11,6 +11,7 @@ import numpy as np
 
 from tssgeom.arrays import Points
 from tssgeom.effects import HiddenBend
+from tssgeom.errors import SettingsError
 from tssgeom.plausibility.kinds import Remark
 from tssgeom.plausibility.limits import LIMITS
 from tssgeom.plausibility.rules import remark, warnings_of
@@ -58,6 +59,11 @@ class Sensed(Protocol):
         """Temperature [°C]."""
         ...
 
+    @property
+    def noise(self) -> float | None:
+        """Stated noise of a coordinate [m]."""
+        ...
+
 
 def strain_remarks(rig: Rig, length: float, tension: float) -> list[Remark]:
     """Return where a rig, the length of a route [m] and a tension [N] can hardly belong to each other."""
@@ -87,6 +93,8 @@ def frame_remarks(frame: Sensed, length: float) -> Iterator[Remark]:
         yield remark("stroke", "frame", where)
     if (stretch := frame.elongation) is not None and abs(stretch) > LIMITS.largest_strain * length:
         yield remark("stretch_unit", "frame", f"elongation_m is {stretch:g} m on a route of {length:.3g} m")
+    if (noise := frame.noise) is not None and noise > LIMITS.largest_noise * length:
+        yield remark("noise_unit", "frame", f"noise_m is {noise:g} m on a route of {length:.3g} m")
 
 
 def command_remarks(rig: Rig, length: float, tension: float, displacement: float) -> Iterator[Remark]:
@@ -112,6 +120,21 @@ def require_command(rig: Rig, length: float, tension: float, displacement: float
         Where a rule refuses it.
     """
     warnings_of(None, command_remarks(rig, length, tension, displacement))
+
+
+def require_one_target(displacement: float | None, tension_out: float | None) -> None:
+    """Refuse a target movement [m] beside a target tension [N] of the distal end.
+
+    Raises
+    ------
+    SettingsError
+        Where both are given.
+    """
+    if displacement is not None and tension_out is not None:
+        raise SettingsError(
+            f"two targets, displacement_target_m {displacement:g} and tension_out_target_N "
+            f"{tension_out:g}: give one"
+        )
 
 
 def rig_remarks(rig: Rig) -> Iterator[Remark]:
@@ -153,8 +176,8 @@ class FrameWatch:
     varied: bool = False
     """Whether points differed from frame to frame before."""
 
-    def take(self, frame: Sensed) -> tuple[str, ...]:
-        """Take in the next good frame, and return its warnings."""
+    def take(self, frame: Sensed, *, in_order: bool = True) -> tuple[str, ...]:
+        """Take in the next good frame, and return its warnings; its points may be in any order."""
         step, self.latest = frame.time - self.latest, frame.time
         before, self.points = self.points, frame.points
         self.frames += 1
@@ -165,6 +188,9 @@ class FrameWatch:
             remarks += self._repeat()
         elif before is not None:
             self.varied, self.repeated = True, 0
+            if in_order and step > 0.0 and _leaps(before, frame.points, LIMITS.fastest_m_per_s * step):
+                leap = f"half of the points moved faster than {LIMITS.fastest_m_per_s:g} m/s"
+                remarks += (remark("frame_leap", "frame", leap),)
         if (pull := frame.tension_in) is not None:
             if pull > self.highest:
                 self.highest = pull
@@ -207,3 +233,10 @@ def _differ(one: Points, other: Points) -> bool:
     if one.shape != other.shape or one.item(one.size // 2) != other.item(one.size // 2):
         return True
     return not np.array_equal(one, other, equal_nan=True)
+
+
+def _leaps(one: Points, other: Points, most: float) -> bool:
+    """Whether half of the points, as many as before, have a coordinate that changed by more than this [m]."""
+    if one.shape != other.shape:
+        return False
+    return 2 * int(np.count_nonzero((np.abs(other - one) > most).any(axis=1))) > len(one)

@@ -76,6 +76,11 @@ class Limits:
     """Chosen: no pair of materials of a sheath has it. Friction coefficient of a rig [1]."""
     frozen_frames: int = 100
     """Chosen: one second of a usual sensor. Frames that repeat a reading which varied before [1]."""
+    fastest_m_per_s: float = 10.0
+    """Chosen: an arm that swings is slower. Speed of half of the points of a route [m/s]."""
+    largest_noise: float = 0.1
+    """Chosen: a sensor with more shows no bend; sensors of routes have 10⁻⁴ to 10⁻². Stated noise of a
+    coordinate over the length of the route [1]."""
     fewest_rows: int = 20
     """Chosen: a fit needs more than its parameters. Rows with both drive and response [1]."""
     judged_N: float = 1.0

@@ -292,6 +292,19 @@ RULES: dict[str, Rule] = {
         "A sender stopped, or changed its unit of time.",
         "check the times of the frames",
     ),
+    "frame_leap": Rule(
+        f"more than half of the points of a frame have moved faster than {_L.fastest_m_per_s:g} m/s",
+        {"frame": "warn"},
+        "A wrong unit, axis or order of the points, another route or a step of the time; the tendon was "
+        "moved by it.",
+        "check units, axes and order of the points and the times",
+    ),
+    "noise_unit": Rule(
+        f"the stated noise of a coordinate is more than {_L.largest_noise:.0%} of the route",
+        {"frame": "refuse"},
+        "mm stand for m: no bend would be left.",
+        "give metres",
+    ),
     "rig_friction": Rule(
         f"the friction coefficient of a rig is above {_L.most_rig_friction:g}",
         {"rig": "warn"},
