@@ -137,3 +137,15 @@ def test_eight_points_of_a_stream_are_not_taken_for_noise(seed):
     for one in process(frames, Rig(), tension_in=5.0):
         assert isinstance(one, FrameResult)
         assert abs(one.arcs.total_angle - course.total_angle) < 1.96 * one.arcs.total_angle_se
+
+
+@pytest.mark.parametrize("noise", [1.5e-4, 5e-4])
+def test_noise_as_sensed_is_that_of_the_points_where_few_of_them_hide_the_route(noise):
+    rng = np.random.default_rng(0)
+    course = chain(LENGTH, ANGLE / LENGTH, PLANE)
+    exact = positions(course, np.linspace(0.0, course.total_length, 14))
+    frames = [Frame(exact + noise * rng.standard_normal(exact.shape), time=0.02 * k) for k in range(60)]
+    for result in list(recorded(frames, Rig(), tension_in=10.0))[20:]:
+        assert isinstance(result, FrameResult)
+        for one in (result, result.strip()):
+            assert one.sensed_noise == pytest.approx(noise, rel=0.1)  # 4 s.e. of 20 frames of 42 coordinates

@@ -106,13 +106,20 @@ class FrameResult(Result):
 
     @property
     def sensed_noise(self) -> float:
-        """Noise of a coordinate as sensed; that of the fit is less where points are filtered in time [m]."""
+        """Noise of a coordinate as sensed [m]: by differences in time where points are filtered.
+
+        The noise of a fit of few points also holds what it does not follow of the route.
+        """
+        points = self.tracked.filtered
+        if points is not None and points.coordinates == 3:
+            return points.sensed_noise
         return self.route.noise * self.tracked.sensed_over_fitted
 
     def strip(self) -> FrameResult:
         """Return it without what only the fit of the next frame needs, which is most of its size."""
         of = self.tracked
-        kept = TrackedFit(of.fit.strip(), of.index, sensed_over_fitted=of.sensed_over_fitted)
+        share = self.sensed_noise / self.route.noise if self.route.noise > 0.0 else of.sensed_over_fitted
+        kept = TrackedFit(of.fit.strip(), of.index, sensed_over_fitted=share)
         fit = kept.fit if self.fit is of.fit else self.fit.strip()
         return replace(self, fit=fit, tracked=kept, commander=None)
 
