@@ -226,6 +226,15 @@ def test_a_unit_in_a_comment_is_that_of_the_coordinates(tmp_path, comment, unit)
     assert any("a comment states cm" in note for note in recording.notes)
 
 
+def test_a_unit_in_a_comment_is_that_of_points_side_by_side(tmp_path):
+    head = ["# units: cm", "Time [s]," + ",".join(f"S{k}_{axis}" for k in range(1, 6) for axis in "xyz")]
+    rows = [",".join([f"{f:g}", *row]) for f, row in enumerate(cells(POINTS))]
+    recording = open_recording(written(tmp_path / "a.csv", head, rows), None)
+    for frame, points in zip(frames_of(recording), POINTS, strict=True):
+        np.testing.assert_allclose(frame.points, points / 100.0)
+    assert any("a comment states cm" in note for note in recording.notes)
+
+
 def test_a_unit_in_a_comment_that_contradicts_the_option_is_refused(tmp_path):
     path = written(
         tmp_path / "a.csv", ["# units: m", "x,y,z"], [",".join(row) for row in cells(POINTS[:, :1])]

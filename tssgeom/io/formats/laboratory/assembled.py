@@ -4,14 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
 
+from tssgeom.io.formats.columns import AXES
 from tssgeom.io.formats.laboratory.headers import Header, header_of
+from tssgeom.io.formats.laboratory.names import split_unit
 from tssgeom.io.formats.laboratory.raw import Column, RawTable, may_be_group
 from tssgeom.io.formats.laboratory.rows import Row, column_of, is_data
 from tssgeom.io.formats.laboratory.trackers import only_read
+from tssgeom.io.formats.laboratory.wide import point_columns
 
 
 def table_of(
@@ -88,5 +92,6 @@ def finished(table: RawTable, header: Header) -> RawTable:
 def with_length_unit(table: RawTable, stated: str) -> RawTable:
     """Return a table without units whose coordinates are in one that is stated for all."""
     names = table.names if table.headed else ("x", "y", "z") if len(table.names) == 3 else table.names
-    units = tuple(stated if name in ("x", "y", "z") else "" for name in names)
+    points = {names[k] for k in chain(*point_columns(names).values()) if split_unit(names[k])[1] is None}
+    units = tuple(stated if name in points.union(AXES) else "" for name in names)
     return replace(table, names=names, units=units)
