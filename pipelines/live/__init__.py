@@ -52,7 +52,7 @@ def live(
     ] = None,
     spin: Annotated[
         bool,
-        typer.Option(help="Above 500 frames a second, await the next without sleep: that takes a core."),
+        typer.Option(help="Above 90 frames a second, await the next without sleep: that takes a core."),
     ] = True,
     stats: Annotated[
         bool, typer.Option("--stats", help="Print statistics each second as JSON on stderr.")

@@ -84,7 +84,7 @@ def test_null_is_a_missing_point(tmp_path):
     [
         ('{"t":1,"points":[[1,2],[3,4]],"unit":"mm"}', "array` of length 3"),
         ('{"t":1,"points":[[1,2,3],[3,4', "truncated"),
-        ('{"t":1,"points":[[1,2,NaN]],"unit":"mm"}', "null for a missing point"),
+        ('{"t":1,"points":[[1,2,NaN]],"unit":"mm"}', "null for NaN or a missing point"),
         ('{"t":1,"points":[[1,2,"3"]],"unit":"mm"}', "got `str`"),
         ('{"t":1,"unit":"mm"}', "missing required field `points`"),
         ('{"points":[[1,2,3]],"unit":"mm"}', 'the line has no time: write "t" in s'),

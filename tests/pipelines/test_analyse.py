@@ -76,7 +76,7 @@ def test_a_recording_remembers_the_pull_and_rejects_its_broken_line_only(run, re
     assert outcome.status == 1
     assert outcome.errors == [
         f"tssgeom: {recording}: frame 2: line 3: Input data was truncated: "
-        "write one JSON object a line, null for a missing point"
+        "write one JSON object a line, null for NaN or a missing point"
     ]
     assert (output["frames"], output["rejected"]) == (6, 1)
     assert output["elongation_m"] == pytest.approx(1.7284e-3, rel=1e-3)  # docs/model.md: 15 N, then 10 N

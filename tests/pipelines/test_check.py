@@ -25,7 +25,8 @@ def test_a_recording_is_reported_with_the_frames_that_are_wrong(run, recording):
     assert (output["frames"], output["points"]) == (6, [12, 12])
     assert (output["duration_s"], output["measured"], output["stations"]) == (4.0, ["tension_in"], False)
     assert output["wrong"] == [
-        "frame 2: line 3: Input data was truncated: write one JSON object a line, null for a missing point"
+        "frame 2: line 3: Input data was truncated: write one JSON object a line, "
+        "null for NaN or a missing point"
     ]
 
 

@@ -114,7 +114,7 @@ def _fault(error: Exception) -> str:
     """Return the fault of a line that could not be decoded, and what to write instead."""
     key = _KEY.search(str(error)) if isinstance(error, msgspec.ValidationError) else None
     if key is None:
-        return f"{error}: write one JSON object a line, null for a missing point"
+        return f"{error}: write one JSON object a line, null for NaN or a missing point"
     hint = _TO_WRITE.get(key[1], f'write "{key[1]}" as a number')
     return f"{error}: {hint}"
 
