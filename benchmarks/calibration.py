@@ -24,8 +24,8 @@ from tssgeom.identify.calibration import Calibration, calibrate
 from tssgeom.identify.machine_calibration import calibrate_machine
 from tssgeom.identify.machine_estimates import MachineCalibration
 from tssgeom.identify.machine_run import machine_run
-from tssgeom.mechanism import Drive, End
-from tssgeom.rig import GivenRoute, Rig, ShapeSensor, with_values
+from tssgeom.mechanism import Drive, End, GivenRoute
+from tssgeom.rig import Rig, ShapeSensor, with_values
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.machine import route_of_rig
 from tssgeom.uncertain import UNKNOWNS, Uncertain, assumed

@@ -26,8 +26,8 @@ from tssgeom.identify.machine_fit import fit_round, fitted_again
 from tssgeom.identify.machine_parameters import Parameter, parameters_of
 from tssgeom.identify.machine_problem import FIT, Problem, fitted_rows
 from tssgeom.identify.machine_run import MachineRun, finely_predicted, machine_run, predicted
-from tssgeom.mechanism import Drive, End
-from tssgeom.rig import Friction, GivenRoute, Rig, Tendon, with_values
+from tssgeom.mechanism import Drive, End, GivenRoute
+from tssgeom.rig import Friction, Rig, Tendon, with_values
 from tssgeom.tendon.machine import route_of_rig
 from tssgeom.uncertain import UNKNOWNS, Uncertain, assumed
 

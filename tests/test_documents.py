@@ -15,8 +15,8 @@ from pipelines.cli import app
 from tests.vocabulary import pages
 from tssgeom.adapt.followed import followed_numbers
 from tssgeom.io.formats.columns import CHANNELS, MACHINE_CHANNELS
-from tssgeom.mechanism import Drive, End, numbered, tendon_count
-from tssgeom.rig import GivenRoute, Rig, read_uncertain_rig
+from tssgeom.mechanism import Drive, End, GivenRoute, numbered, tendon_count
+from tssgeom.rig import Rig, read_uncertain_rig
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.machine import machine_of
 from tssgeom.tendon.machine_simulation import drive_channels, simulate_machine

@@ -14,8 +14,8 @@ from tssgeom.frame import fit_frame
 from tssgeom.io.formats.jsonl import frame_of
 from tssgeom.io.formats.states import read_state, write_state
 from tssgeom.io.results.answers import answer
-from tssgeom.mechanism import Drive, End
-from tssgeom.rig import Friction, GivenRoute, Rig, Sensor, Tendon
+from tssgeom.mechanism import Drive, End, GivenRoute
+from tssgeom.rig import Friction, Rig, Sensor, Tendon
 from tssgeom.tendon.machine import machine_of, routed
 from tssgeom.tendon.machine_command import command_machine
 from tssgeom.tendon.machine_simulation import simulate_machine

@@ -1,4 +1,4 @@
-"""What pulls the tendons of a rig and what they pull: drives, ends and the coordinates between them.
+"""What pulls the tendons of a rig, through which sheaths, and what they pull: drives, routes and ends.
 
 Source: docs/model.md (171)-(176).
 """
@@ -13,12 +13,7 @@ import msgspec
 import numpy as np
 
 from tssgeom.arrays import Matrix, Vector
-from tssgeom.errors import SettingsError
-
-
-def _require(condition: bool, key: str, value: float, remedy: str) -> None:
-    if not condition:
-        raise SettingsError(f"{key} is {value:g}: {remedy}")
+from tssgeom.errors import SettingsError, require
 
 
 class DriveLimits(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -34,7 +29,7 @@ class DriveLimits(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     def __post_init__(self) -> None:
         for name in ("tension_N", "speed_m_per_s"):
             if (value := getattr(self, name)) is not None:
-                _require(0.0 < value < math.inf, f"drive.limits.{name}", value, "give a finite value > 0")
+                require(0.0 < value < math.inf, f"drive.limits.{name}", value, "give a finite value > 0")
         if self.displacement_m is not None:
             low, high = self.displacement_m
             if not (math.isfinite(low) and math.isfinite(high) and low <= 0.0 < high):
@@ -76,11 +71,11 @@ class Drive(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     def __post_init__(self) -> None:
         for name in ("radius_m", "slack_m", "play_rad", "friction_Nm", "torque_constant_Nm_per_A"):
             value = getattr(self, name)
-            _require(0.0 <= value < math.inf, f"drive.{name}", value, "give a finite value >= 0")
+            require(0.0 <= value < math.inf, f"drive.{name}", value, "give a finite value >= 0")
         for name in ("gear", "coupling"):
             value = getattr(self, name)
-            _require(0.0 < value < math.inf, f"drive.{name}", value, "give a finite value > 0")
-        _require(math.isfinite(self.lag_s), "drive.lag_s", self.lag_s, "give a finite value")
+            require(0.0 < value < math.inf, f"drive.{name}", value, "give a finite value > 0")
+        require(math.isfinite(self.lag_s), "drive.lag_s", self.lag_s, "give a finite value")
 
     @property
     def arm(self) -> float:
@@ -119,15 +114,40 @@ class End(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
         names = ("radius_m", "stiffness_Nm_per_rad", "gravity_Nm", "play_rad", "length_m", "marker_m")
         for name in (*names, "friction_Nm"):
             value = getattr(self, name)
-            _require(0.0 <= value < math.inf, f"end.{name}", value, "give a finite value >= 0")
+            require(0.0 <= value < math.inf, f"end.{name}", value, "give a finite value >= 0")
         if self.kind in ("joint", "segment"):
-            _require(self.radius_m > 0.0, "end.radius_m", self.radius_m, "give the lever arm, > 0 m")
+            require(self.radius_m > 0.0, "end.radius_m", self.radius_m, "give the lever arm, > 0 m")
         if self.kind == "segment" and len(self.tendon_angles_deg) < 2:
             raise SettingsError(
                 "end.tendon_angles_deg: a segment needs two angles [deg] or more, one a tendon"
             )
         for angle in self.tendon_angles_deg:
-            _require(math.isfinite(angle), "end.tendon_angles_deg", angle, "give finite angles [deg]")
+            require(math.isfinite(angle), "end.tendon_angles_deg", angle, "give finite angles [deg]")
+
+
+class GivenRoute(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The route of a machine whose shape nobody senses, and what is wrong with a sensed one."""
+
+    length_m: float | None = None
+    """Length of each sheath [m]; left out, that of the shape."""
+    angle_rad: float | None = None
+    """Curve angle of each sheath [rad]; left out, that of the shape."""
+    angle_gain: float = 1.0
+    """True angle over the one that is given or sensed [1]."""
+    bends: tuple[float, ...] = ()
+    """Where the sheath bends: shares of the angle in equal parts of the length, from the proximal end, of any
+    sum [1]; `[1]` is an even bend. Left out, those of the shape, or unknown."""
+
+    def __post_init__(self) -> None:
+        if self.bends:
+            sound = min(self.bends) >= 0.0 and 0.0 < sum(self.bends) < math.inf
+            require(sound, "the sum of route.bends", sum(self.bends), "give shares >= 0, one of them > 0")
+            if self.length_m is None or self.angle_rad is None:
+                raise SettingsError("route.bends: give route.length_m and route.angle_rad too")
+        for name in ("length_m", "angle_rad", "angle_gain"):
+            if (value := getattr(self, name)) is not None:
+                sound = math.isfinite(value) and (value > 0.0 or (name == "angle_rad" and value == 0.0))
+                require(sound, f"route.{name}", value, "give a finite value > 0")
 
 
 class Coordinates(NamedTuple):

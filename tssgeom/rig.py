@@ -13,7 +13,7 @@ import tomli_w
 from tssgeom.atomic import write_text
 from tssgeom.effects import AnyEffect, wrong_effect
 from tssgeom.errors import SettingsError, printable, require, require_at_least_zero, require_file
-from tssgeom.mechanism import Drive, End
+from tssgeom.mechanism import Drive, End, GivenRoute
 from tssgeom.toml_keys import with_short_keys, without_none
 from tssgeom.uncertain import Follow, Uncertain, parted, path_of, require_known, with_choices
 
@@ -180,23 +180,6 @@ class ShapeSensor(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
         return None if self.resolution_mm is None else 1e-3 * self.resolution_mm
 
 
-class GivenRoute(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """The route of a machine whose shape nobody senses, and what is wrong with a sensed one."""
-
-    length_m: float | None = None
-    """Length of each sheath [m]; left out, that of the shape."""
-    angle_rad: float | None = None
-    """Curve angle of each sheath [rad]; left out, that of the shape."""
-    angle_gain: float = 1.0
-    """True angle over the one that is given or sensed [1]."""
-
-    def __post_init__(self) -> None:
-        for name in self.__struct_fields__:
-            if (value := getattr(self, name)) is not None:
-                sound = math.isfinite(value) and (value > 0.0 or (name == "angle_rad" and value == 0.0))
-                require(sound, f"route.{name}", value, "give a finite value > 0")
-
-
 class Rig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Everything about the hardware that the model needs; the defaults are the paper's."""
 
@@ -311,6 +294,7 @@ def with_values(rig: Rig, values: Mapping[str, float]) -> Rig:
         Where a value is out of bounds.
     """
     tables = msgspec.to_builtins(rig)
+    tables["route"]["bends"] = [*rig.route.bends]  # a list can be changed
     for key, value in values.items():
         *path, last = path_of(key)
         at = tables

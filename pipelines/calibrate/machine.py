@@ -84,6 +84,7 @@ def _object(
         "failures": list(fitted.failures),
         "estimates": {each.name: estimate_object(each) for each in fitted.estimates},
         "friction_angle": estimate_object(fitted.friction_angle),
+        "bends": [estimate_object(each) for each in fitted.bends],
         "tied": list(fitted.tied),
         "held_out": {
             name: {"rms": away, "fitted_rms": inside, "unit": name.rpartition("_")[2]}
@@ -133,6 +134,9 @@ def _print(paths: Sequence[Path], out: Path | None, fitted: MachineCalibration) 
     notes = (
         [f"not identified, and not listed: {hidden} numbers of runs and routes (--json)"] if hidden else []
     )
+    if fitted.bends:
+        shares = ", ".join(f"{each.value:.0%}" for each in fitted.bends)
+        notes.append(f"neither rig nor shape says where the sheath bends; parts of its angle: {shares}")
     notes += [
         *fitted.tied,
         *(

@@ -10,7 +10,8 @@ from tests.twins import scenarios
 from tssgeom.adapt.followed_tendon import FollowedTendon
 from tssgeom.adapt.follower import Follower
 from tssgeom.adapt.saved import filter_object, filter_of
-from tssgeom.rig import GivenRoute, Rig
+from tssgeom.mechanism import GivenRoute
+from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
 
 

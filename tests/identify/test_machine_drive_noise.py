@@ -7,7 +7,8 @@ pytest.importorskip("tests.lumped")
 from tests import lumped
 from tssgeom.identify.machine_calibration import calibrate_machine
 from tssgeom.identify.machine_run import machine_run
-from tssgeom.rig import Friction, GivenRoute, Rig
+from tssgeom.mechanism import GivenRoute
+from tssgeom.rig import Friction, Rig
 from tssgeom.tendon.machine import route_of_rig
 from tssgeom.uncertain import Uncertain, assumed
 

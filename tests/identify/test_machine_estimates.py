@@ -16,7 +16,7 @@ FRICTION = MachineEstimate(
 def calibration(*others, fitted=1.0):
     channels = {"joint_angle_rad": np.full(3, fitted), "motor_torque_Nm": np.ones(3)}
     return MachineCalibration(
-        (FRICTION, *others), FRICTION, (), (), NOTHING_HELD_OUT, Rig(), ({},), (), (channels,), ()
+        (FRICTION, *others), FRICTION, (), (), (), NOTHING_HELD_OUT, Rig(), ({},), (), (channels,), ()
     )
 
 

@@ -10,8 +10,8 @@ pytest.importorskip("tests.lumped")
 from tests import lumped
 from tssgeom.identify.machine_calibration import calibrate_machine
 from tssgeom.identify.machine_run import machine_run
-from tssgeom.mechanism import Drive, End
-from tssgeom.rig import Friction, GivenRoute, Rig, Tendon, with_values
+from tssgeom.mechanism import Drive, End, GivenRoute
+from tssgeom.rig import Friction, Rig, Tendon, with_values
 from tssgeom.tendon.machine import route_of_rig
 from tssgeom.uncertain import UNKNOWNS, Uncertain, assumed
 
@@ -26,7 +26,7 @@ LOOP = Rig(
     tendon=Tendon(pretension_N=8.0, compliance_per_N=4e-4),
     drive=Drive(kind="loop", radius_m=0.01),
     end=End(kind="joint", radius_m=0.006),
-    route=GivenRoute(length_m=0.5, angle_rad=3.0),
+    route=GivenRoute(length_m=0.5, angle_rad=3.0, bends=(1.0,)),
 )
 
 

@@ -8,8 +8,8 @@ from tests import lumped
 from tssgeom.identify.machine_calibration import calibrate_machine
 from tssgeom.identify.machine_run import Machines, machine_run, thinned
 from tssgeom.identify.turning import legs
-from tssgeom.mechanism import Drive, End
-from tssgeom.rig import Friction, GivenRoute, Rig, Tendon
+from tssgeom.mechanism import Drive, End, GivenRoute
+from tssgeom.rig import Friction, Rig, Tendon
 from tssgeom.tendon.machine import route_of_rig
 from tssgeom.uncertain import Uncertain, assumed
 

@@ -7,7 +7,8 @@ import numpy as np
 
 from tests.described import described, optional
 from tests.twins import drifting_friction, route_points
-from tssgeom.rig import Friction, GivenRoute, Load, Rig, Tendon, read_rig, write_rig
+from tssgeom.mechanism import GivenRoute
+from tssgeom.rig import Friction, Load, Rig, Tendon, read_rig, write_rig
 
 
 def test_calibrate_of_a_log_in_pieces_writes_the_rig_of_the_last_one(run, tmp_path):

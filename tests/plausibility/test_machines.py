@@ -14,9 +14,9 @@ from tests import lumped
 from tssgeom.errors import SettingsError
 from tssgeom.identify.machine_calibration import calibrate_machine
 from tssgeom.identify.machine_run import load_remarks, machine_run
-from tssgeom.mechanism import Drive, End
+from tssgeom.mechanism import Drive, End, GivenRoute
 from tssgeom.plausibility.runs import run_remarks
-from tssgeom.rig import GivenRoute, Rig, Tendon
+from tssgeom.rig import Rig, Tendon
 from tssgeom.tendon.machine import route_of_rig
 from tssgeom.uncertain import UNKNOWNS, Uncertain
 

@@ -68,7 +68,7 @@ def _calibration_table(fitted: MachineCalibration) -> pa.Table:
         "unit": "unit of the three",
         "identified": "whether the runs identify it",
     }
-    estimates = (*fitted.estimates, fitted.friction_angle)
+    estimates = (*fitted.estimates, fitted.friction_angle, *fitted.bends)
     return table_of(
         (name, text, [getattr(each, name) for each in estimates]) for name, text in meanings.items()
     )

@@ -15,9 +15,9 @@ from tssgeom.identify.machine_estimates import MachineCalibration, calibration_o
 from tssgeom.identify.machine_evidence import modelled
 from tssgeom.identify.machine_fit import fit_from, fitted_again, start_of
 from tssgeom.identify.machine_held_out import cycles_held_out, runs_held_out
-from tssgeom.identify.machine_parameters import parameters_of
+from tssgeom.identify.machine_parameters import parameters_of, with_unknown_bends
 from tssgeom.identify.machine_parts import DRIVE_LAG, Part, drive_lag, presliding
-from tssgeom.identify.machine_problem import FIT, FitState, Problem, fitted_rows
+from tssgeom.identify.machine_problem import FIT, FitState, Problem, fit_bars, fitted_rows
 from tssgeom.identify.machine_run import MachineRun, load_remarks, predicted, thinned, with_drive_known
 from tssgeom.identify.machine_selection import TriedPart, part_step
 from tssgeom.rig import Rig
@@ -51,8 +51,9 @@ def calibrate_machine(
     """
     each = max(FIT.least_of_each, FIT.most_of_all // len(runs))
     runs = [thinned(run, each) for run in runs]
+    rig, uncertain = with_unknown_bends(runs, rig, uncertain)
     parameters = tuple(parameters_of(runs, rig, uncertain))
-    problem = Problem(tuple(runs), rig, parameters, fitted_rows(runs, held_out=False), FIT.bars)
+    problem = Problem(tuple(runs), rig, parameters, fitted_rows(runs, held_out=False), fit_bars(rig))
     progress("start", 0.0)
     with suppress(FitError):  # what is wrong with the rig itself is said here
         for run in runs:

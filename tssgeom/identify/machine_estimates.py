@@ -51,6 +51,9 @@ class MachineCalibration(Result):
     """Every number that was fitted."""
     friction_angle: MachineEstimate
     """μΦ of the first route, what friction takes from a tendon that slides all along [1]."""
+    bends: tuple[MachineEstimate, ...]
+    """Share of the angle in each of equal parts of a sheath, proximal to distal [1]; none where the rig or a
+    shape has them."""
     tied: tuple[str, ...]
     """What is known only together, a sentence each."""
     channels: tuple[ChannelFit, ...]
@@ -107,11 +110,13 @@ def calibration_of(
     quantile = float(stdtrit(max(effective - len(state.u), 2.0), 0.975))
     problem, state, posterior = posterior_of(problem, state, quantile, normal=normal)
     estimates = tuple(_estimates(problem, posterior))
-    values = {each.key: each.value for each in estimates if each.key}
+    bends = tuple(_bends(problem, posterior))
+    values = {each.key: each.value for each in (*estimates, *bends) if each.key}
     channels = tuple(_channel_fits(problem, state))
     return MachineCalibration(
         estimates,
         _friction_angle(problem, posterior),
+        bends,
         tuple(_ties(problem, posterior)),
         channels,
         held,
@@ -126,6 +131,8 @@ def calibration_of(
 def _estimates(problem: Problem, posterior: Posterior) -> Iterator[MachineEstimate]:
     u, alone = posterior.u, np.eye(len(posterior.u))
     for j, each in enumerate(problem.parameters):
+        if each.kind == "share":
+            continue
         sd, *ends = posterior.of(alone[j])
         value, low, high = (each.value(x) for x in (u[j], *ends))
         prior = (each.value(-NORMAL_95), each.value(NORMAL_95))
@@ -134,6 +141,21 @@ def _estimates(problem: Problem, posterior: Posterior) -> Iterator[MachineEstima
         yield MachineEstimate(
             each.name, each.unit, value, low, high, is_identified(sd), prior, key, at_bound=bound
         )
+
+
+def _bends(problem: Problem, posterior: Posterior) -> Iterator[MachineEstimate]:
+    """Yield the shares of the angle with the intervals that they have together; docs/model.md (287)."""
+    at = [j for j, each in enumerate(problem.parameters) if each.kind == "share"]
+    u, sd = posterior.u, np.array([problem.parameters[j].prior.sd for j in at])
+    weights = np.array([problem.parameters[j].value(u[j]) for j in at])
+    for k, (j, share) in enumerate(zip(at, weights / weights.sum(), strict=True)):
+        along, before = np.zeros(len(u)), sd * (np.arange(len(at)) == k) - sd / len(at)
+        along[at] = sd * (np.arange(len(at)) == k) - sd * weights / weights.sum()
+        (error, *ends), wide = posterior.of(along), float(np.linalg.norm(before))
+        low, high = (min(share * math.exp(end - float(along @ u)), 1.0) for end in ends)
+        least, most = (min(math.exp(way * NORMAL_95 * wide) / len(at), 1.0) for way in (-1.0, 1.0))
+        name, known = f"share of Φ in part {k + 1} of {len(at)}", is_identified(error, wide)
+        yield MachineEstimate(name, "1", share, low, high, known, (least, most), problem.parameters[j].key)
 
 
 def _friction_angle(problem: Problem, posterior: Posterior) -> MachineEstimate:

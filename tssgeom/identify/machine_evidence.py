@@ -67,7 +67,7 @@ class FittedModel:
         values = {
             each.key: each.value(u)
             for each, u in zip(self.problem.parameters, self.state.u, strict=True)
-            if each.kind == "rig"
+            if each.kind in ("rig", "share")
         }
         return with_values(self.problem.rig, values)
 

@@ -26,32 +26,48 @@ _STARTS = tuple(itertools.product((0.0, -1.0, 1.0), repeat=3))
 
 
 def start_of(problem: Problem) -> Vector:
-    """Return where the fit starts: the best of a few corners of what is assumed, after a short fit each."""
-    free = [j for j, each in enumerate(problem.parameters) if each.kind == "rig" and each.prior.sd > 0.25]
+    """Return where the fit starts: the best of a few corners of what is assumed, after a short fit each.
+
+    Where a sheath bends anywhere, the best corner with bends at its base, and at its end, counts too.
+    """
     few = max(FIT.least_at_start, FIT.most_at_start // len(problem.runs))
     runs = tuple(thinned(run, few) for run in problem.runs)
     rows = fitted_rows(runs, held_out=None)
-    short = Problem(runs, problem.rig, problem.parameters, rows, FIT.bars)
+    short = Problem(runs, problem.rig, problem.parameters, rows, problem.bars)
     weight = first_weights(short.measured())
-    starts = list[tuple[float, Vector]]()
-    for u in _corners(problem, free):
-        channels = short.model(u)
-        if channels is not None:
-            starts.append((_objective(short.left(channels), weight, u), u))
-    if not starts:
+    nearest = list[Vector]()
+    for bends in _bend_starts(problem):
+        starts = list[tuple[float, Vector]]()
+        for corner in _corners(problem):
+            u = corner + bends
+            channels = short.model(u)
+            if channels is not None:
+                starts.append((_objective(short.left(channels), weight, u), u))
+        starts.sort(key=lambda start: start[0])
+        nearest += [u for _, u in starts[: 1 if bends.any() else FIT.starts]]
+    if not nearest:
         raise FitError("the machine has no equilibrium at the numbers of the rig: check units and radii")
-    nearest = sorted(starts, key=lambda start: start[0])[: FIT.starts]
     inflation = np.ones(len(rows))
-    states = [fit_round(short, u, weight, inflation, FIT.start_steps) for _, u in nearest]
+    states = [fit_round(short, u, weight, inflation, FIT.start_steps) for u in nearest]
     return min(states, key=lambda state: state.objective).u
 
 
-def _corners(problem: Problem, free: Sequence[int]) -> Iterator[Vector]:
+def _bend_starts(problem: Problem) -> Iterator[Vector]:
+    """Yield bends that are even, and ones from 1 to −1 standard deviation along the sheath and back."""
+    at = [j for j, each in enumerate(problem.parameters) if each.kind == "share"]
+    for way in (0.0, -1.0, 1.0) if at else (0.0,):
+        u = np.zeros(len(problem.parameters))
+        u[at] = way * np.linspace(-1.0, 1.0, len(at))
+        yield u
+
+
+def _corners(problem: Problem) -> Iterator[Vector]:
     """Yield corners of what is assumed, each also with the pretension of a tendon that is at rest at first.
 
     With any higher one the first reading of a run by its tension is a release, and the derivative by the
     pretension is 0.
     """
+    free = [j for j, each in enumerate(problem.parameters) if each.kind == "rig" and each.prior.sd > 0.25]
     first = [run.given["tension_in_N"][0] for run in problem.runs if "tension_in_N" in run.given]
     pretension = [j for j, each in enumerate(problem.parameters) if each.key == "tendon.pretension_N"]
     for corner in _STARTS if free else _STARTS[:1]:

@@ -51,6 +51,11 @@ _LINEAR = ("zero", "bends")
 """Kinds of numbers by which the channels are straight: nothing is simulated for their derivatives."""
 
 
+def fit_bars(rig: Rig) -> int:
+    """Return the bars of each tendon while fitting: as many as the parts of a sheath that the rig has."""
+    return max(FIT.bars, len(rig.route.bends))
+
+
 class Beside(NamedTuple):
     """What the model gives a step beside some numbers."""
 
@@ -114,7 +119,7 @@ class Problem:
     def machines(self, u: Vector) -> Machines:
         """Return the rig at these numbers; raises SettingsError where one is out of bounds."""
         pairs = zip(self.parameters, u, strict=True)
-        values = {each.key: each.value(x) for each, x in pairs if each.kind == "rig"}
+        values = {each.key: each.value(x) for each, x in pairs if each.kind in ("rig", "share")}
         return Machines(with_values(self.rig, values), self.bars)
 
     def of_run(self, u: Vector, k: int) -> dict[tuple[str, str], float]:
@@ -208,7 +213,7 @@ class Problem:
 
     def _beside(self, u: Vector, steps: Vector, here: Machines, j: int) -> Beside:
         only, step = self.parameters[j].run, float(steps[j])
-        machines = None if self.parameters[j].kind in ("rig", "route") else here
+        machines = None if self.parameters[j].kind in ("rig", "share", "route") else here
         for way in (step, -step):
             moved = u.copy()
             moved[j] += way

@@ -180,6 +180,8 @@ def behind_play(engaged: float, value: float, width: float) -> float:
 def routed(arcs: Arcs, rig: Rig) -> Arcs:
     """Return a route with the length and angle of the rig file, which have no error there."""
     given = rig.route
+    if given.bends:
+        return route_of_rig(rig).scaled(angle=given.angle_gain)
     if given.length_m is None and given.angle_rad is None:
         return arcs.scaled(angle=given.angle_gain)
     if given.angle_rad is not None and arcs.total_angle == 0.0:
@@ -194,7 +196,7 @@ def routed(arcs: Arcs, rig: Rig) -> Arcs:
 
 
 def route_of_rig(rig: Rig) -> Arcs:
-    """Return the route that the rig gives by itself: an even bend.
+    """Return the route that the rig gives by itself: bends where it says, or an even one.
 
     Raises
     ------
@@ -204,7 +206,8 @@ def route_of_rig(rig: Rig) -> Arcs:
     length, angle = rig.route.length_m, rig.route.angle_rad
     if length is None or angle is None:
         raise SettingsError("no shape: give one, or route.length_m and route.angle_rad in the rig")
-    return Arcs.exact(np.array([length]), np.array([angle]))
+    share = np.array(rig.route.bends or (1.0,))
+    return Arcs.exact(np.full(len(share), length / len(share)), angle * share / share.sum())
 
 
 def on_routes(machine: Machine, state: MachineState, routes: Sequence[Arcs]) -> tuple[Machine, MachineState]:

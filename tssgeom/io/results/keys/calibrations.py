@@ -118,6 +118,8 @@ class MachineCalibrated(TypedDict):
     """Numbers of the rig, by name."""
     friction_angle: MachineEstimateOf
     """Product of friction and curve angle, which is known where neither factor is."""
+    bends: list[MachineEstimateOf]
+    """Shares of the angle in equal parts of a sheath; none where the rig or a shape has them."""
     tied: list[str]
     """Numbers that the runs only determine together."""
     held_out: dict[str, HeldOut]
