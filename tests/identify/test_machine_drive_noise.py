@@ -6,8 +6,9 @@ import pytest
 pytest.importorskip("tests.lumped")
 from tests import lumped
 from tssgeom.identify.machine_calibration import calibrate_machine
+from tssgeom.identify.machine_drive_noise import is_followed
 from tssgeom.identify.machine_run import machine_run
-from tssgeom.mechanism import GivenRoute
+from tssgeom.mechanism import End, GivenRoute
 from tssgeom.rig import Friction, Rig
 from tssgeom.tendon.machine import route_of_rig
 from tssgeom.uncertain import Uncertain, assumed
@@ -113,3 +114,24 @@ def test_a_position_that_drives_has_levels_of_its_turns_where_the_tension_shows_
 def test_a_position_alone_has_no_levels_of_its_turns(position):
     made, _ = by_position(position, tension_in_N=True)
     assert made.legs is None
+
+
+def test_plateaus_that_a_force_follows_are_motion_and_no_noise():
+    at = 1e-3 * np.array([0.0, 45.7, 35.3, 51.6, 19.0, 29.7, 8.3, 28.1, 46.1, 38.0, 10.0])
+    times = 45.0 * np.arange(1.0, len(at) + 1.0)
+    rig = Rig(
+        friction=Friction(coefficient=0.0),
+        end=End(kind="blocked"),
+        route=GivenRoute(length_m=0.095, angle_rad=0.0),
+    )
+    force = 900.0 * at + 0.5 * np.random.default_rng(0).standard_normal(len(at))
+    columns = {"time_s": times, "displacement_in_m": at, "tension_in_N": force}
+    made = machine_run("plateaus", columns, [route_of_rig(rig)], rig)
+    assert made.at_readings(made.given["displacement_in_m"]) == pytest.approx(at, abs=1e-9)
+
+
+def test_noise_of_a_drive_that_rests_is_no_motion():
+    rng = np.random.default_rng(1)
+    assert not is_followed(rng.standard_normal(300), [rng.standard_normal(300)])
+    steps = rng.standard_normal(300)
+    assert is_followed(steps, [np.full(300, np.nan), steps + 0.1 * rng.standard_normal(300)])

@@ -65,3 +65,16 @@ def test_a_turn_of_few_readings_has_the_error_of_a_step():
     drive = legs(np.array([0.0, 1.0, 2.0, 1.0, 0.0, 1.0, 2.0]), np.arange(7.0))
     np.testing.assert_allclose(drive.turn_values, [2.0, 0.0])
     np.testing.assert_allclose(drive.turn_se, 0.5, rtol=0.5)
+
+
+def test_the_level_of_a_drive_by_stairs_is_that_of_its_stair():
+    stairs = np.repeat([0.0, 12.0, 28.0, 41.0, 48.0, 38.0, 28.0, 21.0, 10.0, 5.0], 50)
+    time = np.arange(float(len(stairs)))
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        wander = 0.4 * np.sin(2.0 * np.pi * time / 23.0 + rng.uniform(0.0, 6.0))  # of a hand that holds
+        read = stairs + wander + 0.2 * rng.standard_normal(len(time))
+        drive = legs(read, time, of_position=True)
+        away = np.abs(drive.values - stairs).reshape(10, 50)[:, 5:-5]  # from the steps
+        assert away.max() < 1.5  # a shape that met the stair below: 8
+        assert drive.turn_values.max() == pytest.approx(48.0, abs=1.5)

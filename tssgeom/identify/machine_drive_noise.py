@@ -5,13 +5,15 @@ Source: docs/model.md (262), (264), (265).
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from tssgeom.arrays import Vector
+from tssgeom.core.constants import CHANCE
 from tssgeom.identify.drive import calmed
 from tssgeom.identify.turning import Legs
 from tssgeom.statistics import reading_noise, root_mean_square
@@ -33,6 +35,7 @@ class InputNoiseSettings:
 
 
 INPUT_NOISE = InputNoiseSettings()
+_FEWEST_STEPS = 4  # derived: Fisher's z of three has no error
 _SEED = 20  # of the draws; any, but the same in all fits
 
 
@@ -97,6 +100,24 @@ def noisy_inputs(columns: Mapping[str, Vector], rows: np.ndarray, channels: Sequ
             calm |= set() if lost else {channel}
     every = np.arange(len(rows))
     return NoisyInputs(time, out, noises, frozenset(calm), every, every, {})
+
+
+def is_followed(readings: Vector, answers: Iterable[Vector]) -> bool:
+    """Return whether an answer follows what might be noise of a drive; docs/model.md (288).
+
+    A drive that is held at one level after another turns at most readings, and its steps are no noise.
+    """
+    if float(np.ptp(readings)) > 2.0 * CHANCE.never * reading_noise(readings):
+        return False
+    steps = np.diff(readings)
+    for answer in answers:
+        known = np.isfinite(np.diff(answer))
+        if known.sum() > _FEWEST_STEPS and min(np.std(steps[known]), np.nanstd(np.diff(answer))) > 0.0:
+            correlation = abs(float(np.corrcoef(steps[known], np.diff(answer)[known])[0, 1]))
+            scale = math.sqrt(known.sum() - 3.0)  # Fisher's z has a standard deviation of 1 over it
+            if math.atanh(min(correlation, 1.0 - 1e-12)) * scale > CHANCE.clear:
+                return True
+    return False
 
 
 def is_noisy(readings: Vector, noise: float) -> bool:

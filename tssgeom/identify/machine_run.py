@@ -9,7 +9,13 @@ import numpy as np
 
 from tssgeom.arrays import Vector
 from tssgeom.errors import FitError, SettingsError
-from tssgeom.identify.machine_drive_noise import NoisyInputs, is_noisy, noisy_inputs, with_turns_between
+from tssgeom.identify.machine_drive_noise import (
+    NoisyInputs,
+    is_followed,
+    is_noisy,
+    noisy_inputs,
+    with_turns_between,
+)
 from tssgeom.identify.readings import READING, with_added
 from tssgeom.identify.turning import Legs, legs, turns_between_readings, with_turns
 from tssgeom.mechanism import numbered, tendon_count
@@ -116,8 +122,11 @@ def machine_run(
         )
     most = most or LIMITS.most_samples
     pulled = drive_channels(drive, count) if drive == "tension_in" else ()
-    moved = _position_beside_force(columns, rows, drive, count)
-    noisy = noisy_inputs(columns, rows, [each for each in given_names[1:] if each not in (*pulled, *moved)])
+    measured = [columns[each][rows] for each in answering(rig, count) if each in columns.keys() - given_names]
+    steps = {each for each in drive_channels(drive, count) if is_followed(columns[each][rows], measured)}
+    moved = {} if steps else _position_beside_force(columns, rows, drive, count)
+    read = (*pulled, *moved, *steps)
+    noisy = noisy_inputs(columns, rows, [each for each in given_names[1:] if each not in read])
     given = {each: noisy.readings.get(each, columns[each][rows]) for each in given_names}
     levelled = {
         each: legs(given[each], given["time_s"], noise, of_position=True, calm=each == "motor_angle_rad")
@@ -127,7 +136,7 @@ def machine_run(
     turning = np.concatenate([turns_of(motion), *(each.turns for each in levelled.values())])
     kept = _thinned(len(rows), turning, most)
     rows, given = rows[kept], {each: np.ascontiguousarray(values[kept]) for each, values in given.items()}
-    pulls = {each: legs(given[each], given["time_s"]) for each in pulled}
+    pulls = {each: legs(given[each], given["time_s"], 0.0 if each in steps else None) for each in pulled}
     pulls |= {each: _kept_legs(made, kept) for each, made in levelled.items()}
     given |= {each: made.values for each, made in pulls.items()}
     noisy = noisy._replace(

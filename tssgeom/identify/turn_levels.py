@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tssgeom.arrays import Matrix, Vector
+from tssgeom.core.constants import CHANCE
 from tssgeom.identify.turn_shapes import SHAPE, SIDE
 
 
@@ -86,16 +87,28 @@ def turn_level(time: Vector, drive: Vector, turn: int, between: tuple[int, int],
     noise
         Standard deviation of the readings.
     """
-    off = np.abs(drive - drive[turn])
-    start = turn - _reach(off[between[0] : turn + 1][::-1], noise)
-    stop = turn + _reach(off[turn : between[1] + 1], noise) + 1
-    if min(turn - start, stop - 1 - turn) < 2 * SIDE:
-        step = min(off[turn - 1], off[turn + 1])
-        return TurnLevel(float(drive[turn]), math.hypot(noise, 0.5 * step), turn, drive[turn : turn + 1])
     noise = max(noise, _EXACT * float(np.ptp(drive)))
-    when = (time[start:stop] - time[start]) / (time[stop - 1] - time[start])
-    what = (drive[start:stop] - drive[turn]) / noise
-    shapes = [each for each in (_estimate(shape, when, what) for shape in _shapes()) if each is not None]
+    off, far = np.abs(drive - drive[turn]), SHAPE.round * noise
+    way = 1.0 if drive[turn] > max(drive[between[0]], drive[between[1]]) else -1.0
+    while far > noise:
+        start = turn - _reach(off[between[0] : turn + 1][::-1], far)
+        stop = turn + _reach(off[turn : between[1] + 1], far) + 1
+        if min(turn - start, stop - 1 - turn) < 2 * SIDE:
+            break
+        made = _over(time[start:stop], drive[start:stop], turn - start, way, noise)
+        if made is not None:
+            return made._replace(start=start)
+        far *= 0.5
+    return _reading(drive, turn, noise)
+
+
+def _over(time: Vector, drive: Vector, turn: int, way: float, noise: float) -> TurnLevel | None:
+    """Return the level over some readings; None where it is far from all shapes, as by stairs."""
+    when = (time - time[0]) / (time[-1] - time[0])
+    what = (drive - drive[turn]) / noise
+    shapes = [each for each in (_estimate(shape, when, what, way) for shape in _shapes()) if each is not None]
+    if not shapes:
+        return None
     evidence = np.array([each.log_evidence for each in shapes])
     weight = np.exp(evidence - evidence.max())
     weight /= weight.sum()
@@ -104,14 +117,22 @@ def turn_level(time: Vector, drive: Vector, turn: int, between: tuple[int, int],
     variance = float(weight @ (np.array([each.variance for each in shapes]) + (levels - level) ** 2))
     best = shapes[int(np.argmax(evidence))]
     left = best.left / max(len(what) - best.parameters, 1)  # a shape that is none of these has a wider error
+    if left > CHANCE.clear**2:
+        return None
     values = drive[turn] + noise * (weight @ np.array([each.values for each in shapes]))
     se = noise * math.sqrt(variance * max(left, 1.0))
-    return TurnLevel(float(drive[turn] + noise * level), se, start, values)
+    return TurnLevel(float(drive[turn] + noise * level), se, 0, values)
 
 
-def _reach(off: Vector, noise: float) -> int:
+def _reading(drive: Vector, turn: int, noise: float) -> TurnLevel:
+    """Return the reading of a turn as its level."""
+    step = min(abs(float(drive[turn + side] - drive[turn])) for side in (-1, 1))
+    return TurnLevel(float(drive[turn]), math.hypot(noise, 0.5 * step), turn, drive[turn : turn + 1])
+
+
+def _reach(off: Vector, far: float) -> int:
     """Return how many readings of a leg count; `off` is how far each lies from the turn, the turn first."""
-    inside = off < min(SHAPE.round * noise, 0.5 * float(off.max()))
+    inside = off < min(far, 0.5 * float(off.max()))
     near = len(off) - 1 if inside.all() else int(np.argmin(inside)) - 1
     return min(max(near, 2 * SIDE), LEVEL.most, len(off) // 2)
 
@@ -171,8 +192,12 @@ def _rounded_level(coefficients: Matrix, ends: Matrix) -> tuple[Matrix, np.ndarr
     return top, (share > 0.0) & (share < 1.0)
 
 
-def _estimate(shape: _Shape, time: Vector, drive: Vector) -> _Estimate | None:
-    """Return the level by one shape, over all of its ends; None where it does not turn."""
+def _estimate(shape: _Shape, time: Vector, drive: Vector, way: float) -> _Estimate | None:
+    """Return the level by one shape, over all of its ends; None where it does not turn.
+
+    `drive` is 0 in the turn, and a level lower by six standard deviations is none: no chance puts a reading
+    that far above it. `way` is −1 for a turn at the bottom.
+    """
     middle, half = np.full(shape.ends, _MIDDLE), _HALF
     made = None
     for _ in range(SHAPE.closer if shape.ends else 1):
@@ -184,6 +209,8 @@ def _estimate(shape: _Shape, time: Vector, drive: Vector) -> _Estimate | None:
         along = drive @ curves
         coefficients = np.einsum("pij,pj->pi", inverse, along)
         top, turns = shape.level(coefficients, ends)
+        levels = np.einsum("pi,pi->p", top, coefficients)
+        turns = turns & (way * levels > -CHANCE.never)
         explained = np.where(turns, np.einsum("pi,pi->p", coefficients, along), -np.inf)
         most = float(explained.max())
         if not np.isfinite(most):
@@ -194,7 +221,6 @@ def _estimate(shape: _Shape, time: Vector, drive: Vector) -> _Estimate | None:
         left = float(drive @ drive) - most
         evidence = math.log(share.sum()) + cells - 0.5 * left - 0.5 * curves.shape[2] * math.log(len(time))
         share /= share.sum()
-        levels = np.einsum("pi,pi->p", top, coefficients)
         level = float(share @ levels)
         variance = share @ (np.einsum("pi,pij,pj->p", top, inverse, top) + (levels - level) ** 2)
         at = int(np.argmax(explained))

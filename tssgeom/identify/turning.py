@@ -148,6 +148,7 @@ def _bounded(drive: Legs, at: Vector) -> Vector:
     edges = np.concatenate(([0], drive.turns, [len(values) - 1]))
     for k, turn in enumerate(at):
         near = slice(edges[k], edges[k + 2] + 1)
-        peak = drive.turn_values[k] > values[edges[k]]
+        off = drive.turn_values[k] - drive.values[edges[[k, k + 2]]]
+        peak = off[np.argmax(np.abs(off))] > 0.0  # by the side that it shows better
         values[near] = np.minimum(values[near], turn) if peak else np.maximum(values[near], turn)
     return read_only(values)
