@@ -62,9 +62,11 @@ def calibrate_machine(
 
 
 def _drawings(fitted: MachineCalibration) -> dict[str, Callable[[], Figure]]:
-    from tssgeom.view.figures.machine import loop_figure, run_figure
+    from tssgeom.view.figures.machine import bends_figure, loop_figure, run_figure
 
     drawings: dict[str, Callable[[], Figure]] = {"loop": lambda: loop_figure(fitted)}
+    if fitted.bends:
+        drawings["bends"] = lambda: bends_figure(fitted)
     for k, run in enumerate(fitted.runs):
         name = "fit" if len(fitted.runs) == 1 else f"fit_{run.name}"
         drawings[name] = partial(run_figure, fitted, k)

@@ -150,7 +150,7 @@ def test_unknown_numbers_are_identified_or_reported_as_tied(run, tmp_path):
     assert any("only as a product" in each for each in summary["tied"])
     assert summary["held_out"]["joint_angle_rad"]["rms"] == pytest.approx(2e-3, rel=0.3)
     assert read_rig(out / "rig.toml").tendon.pretension_N == pytest.approx(8.0, rel=0.1)
-    assert {"fit.png", "loop.png", "calibration.json"} <= {each.name for each in out.iterdir()}
+    assert {"fit.png", "loop.png", "bends.png", "calibration.json"} <= {each.name for each in out.iterdir()}
 
 
 def test_several_runs_are_fitted_together_and_printed_as_a_table(run, tmp_path):

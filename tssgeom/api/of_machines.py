@@ -75,9 +75,11 @@ def _calibration_table(fitted: MachineCalibration) -> pa.Table:
 
 
 def _of_calibration(fitted: MachineCalibration) -> Drawings:
-    from tssgeom.view.figures.machine import draw_fit, draw_loops, draw_residual
+    from tssgeom.view.figures.machine import draw_bends, draw_fit, draw_loops, draw_residual
 
     drawings: dict[str, Any] = {"loops": lambda axes: draw_loops(axes, fitted).legend()}
+    if fitted.bends:
+        drawings["bends"] = lambda axes: draw_bends(axes, fitted).legend()
     for which, run in enumerate(fitted.runs):
         stem = "" if len(fitted.runs) == 1 else f"{run.name}_"
         for name in run.measured:

@@ -146,6 +146,26 @@ def draw_loops(axes: Axes, fitted: MachineCalibration) -> Axes:
     return axes
 
 
+def bends_figure(fitted: MachineCalibration) -> Figure:
+    """Draw which share of the angle each part of a sheath has, with 95 % intervals, beside an even bend."""
+    with figure((PAGE, 2.6)) as drawing:
+        legend_below(drawing, draw_bends(drawing.subplots(), fitted))
+    return drawing
+
+
+def draw_bends(axes: Axes, fitted: MachineCalibration) -> Axes:
+    """Draw the share of the angle of each part of a sheath with its 95 % interval."""
+    parts, length = fitted.bends, fitted.rig.route.length_m or 1.0
+    at = 1e3 * length * (np.arange(len(parts)) + 0.5) / len(parts)
+    share = 100.0 * np.array([each.value for each in parts])
+    low, high = (100.0 * np.array([getattr(each, end) for each in parts]) for end in ("low", "high"))
+    axes.bar(at, share, 0.9e3 * length / len(parts), color=BLUE, alpha=0.5, label="share of Φ")
+    axes.errorbar(at, share, [share - low, high - share], fmt="none", color=BLUE, label="95 % interval")
+    axes.axhline(100.0 / len(parts), color=SOFT, linestyle="--", linewidth=1.0, label="even bend")
+    titles(axes, "Where the sheath bends", "distance from the proximal end [mm]", "share of Φ [%]")
+    return axes
+
+
 def course_figure(pieces: Sequence[CalibratedPiece]) -> Figure:
     """Draw every number of the rig that pieces of a log identify over time, with its 95 % interval."""
     numbers: dict[str, list[tuple[CalibratedPiece, MachineEstimate]]] = {}
