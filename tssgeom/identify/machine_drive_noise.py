@@ -111,10 +111,11 @@ def is_followed(readings: Vector, answers: Iterable[Vector]) -> bool:
         return False
     steps = np.diff(readings)
     for answer in answers:
-        known = np.isfinite(np.diff(answer))
-        if known.sum() > _FEWEST_STEPS and min(np.std(steps[known]), np.nanstd(np.diff(answer))) > 0.0:
-            correlation = abs(float(np.corrcoef(steps[known], np.diff(answer)[known])[0, 1]))
-            scale = math.sqrt(known.sum() - 3.0)  # Fisher's z has a standard deviation of 1 over it
+        changes = np.diff(answer)
+        both = np.array([steps, changes])[:, np.isfinite(changes)]
+        if (count := both.shape[1]) > _FEWEST_STEPS and min(np.std(both[0]), np.std(both[1])) > 0.0:
+            correlation = abs(float(np.corrcoef(both[0], both[1])[0, 1]))
+            scale = math.sqrt(count - 3.0)  # Fisher's z has a standard deviation of 1 over it
             if math.atanh(min(correlation, 1.0 - 1e-12)) * scale > CHANCE.clear:
                 return True
     return False

@@ -146,12 +146,16 @@ def _estimates(problem: Problem, posterior: Posterior) -> Iterator[MachineEstima
 def _bends(problem: Problem, posterior: Posterior) -> Iterator[MachineEstimate]:
     """Yield the shares of the angle with the intervals that they have together; docs/model.md (287)."""
     at = [j for j, each in enumerate(problem.parameters) if each.kind == "share"]
+    if not at:
+        return
     u, sd = posterior.u, np.array([problem.parameters[j].prior.sd for j in at])
     weights = np.array([problem.parameters[j].value(u[j]) for j in at])
-    for k, (j, share) in enumerate(zip(at, weights / weights.sum(), strict=True)):
-        along, before = np.zeros(len(u)), sd * (np.arange(len(at)) == k) - sd / len(at)
-        along[at] = sd * (np.arange(len(at)) == k) - sd * weights / weights.sum()
-        (error, *ends), wide = posterior.of(along), float(np.linalg.norm(before))
+    shares = weights / weights.sum()
+    slopes, assumed = (np.diag(sd) - sd * each for each in (shares, np.full(len(at), 1.0 / len(at))))
+    for k, (j, share) in enumerate(zip(at, shares, strict=True)):
+        along = np.zeros(len(u))
+        along[at] = slopes[k]
+        (error, *ends), wide = posterior.of(along), float(np.linalg.norm(assumed[k]))
         low, high = (min(share * math.exp(end - float(along @ u)), 1.0) for end in ends)
         least, most = (min(math.exp(way * NORMAL_95 * wide) / len(at), 1.0) for way in (-1.0, 1.0))
         name, known = f"share of Φ in part {k + 1} of {len(at)}", is_identified(error, wide)

@@ -23,7 +23,7 @@ from tssgeom.identify.machine_problem import FIT, FitState, Problem, fitted_rows
 from tssgeom.identify.machine_run import MachineRun, turns_of
 from tssgeom.mechanism import numbered
 from tssgeom.plausibility.limits import LIMITS as PLAUSIBLE
-from tssgeom.rig import Rig, with_values
+from tssgeom.rig import Rig
 from tssgeom.statistics import NORMAL_95, reading_noise, root_mean_square
 from tssgeom.tendon.machine import Start, machine_of, routed
 from tssgeom.tendon.machine_simulation import drive_channels, simulate_machine
@@ -64,12 +64,7 @@ class FittedModel:
     @property
     def rig(self) -> Rig:
         """The rig at the fitted numbers."""
-        values = {
-            each.key: each.value(u)
-            for each, u in zip(self.problem.parameters, self.state.u, strict=True)
-            if each.kind in ("rig", "share")
-        }
-        return with_values(self.problem.rig, values)
+        return self.problem.rig_at(self.state.u)
 
     def on_known_routes(self, run: MachineRun) -> MachineRun:
         """Return a run that is not fitted with the angles of routes that are, as they were fitted."""

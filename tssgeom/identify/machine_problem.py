@@ -52,8 +52,8 @@ _LINEAR = ("zero", "bends")
 
 
 def fit_bars(rig: Rig) -> int:
-    """Return the bars of each tendon while fitting: as many as the parts of a sheath that the rig has."""
-    return max(FIT.bars, len(rig.route.bends))
+    """Return the bars of each tendon while fitting: as many as parts of a sheath, up to those of `fine`."""
+    return min(max(FIT.bars, len(rig.route.bends)), FIT.fine)
 
 
 class Beside(NamedTuple):
@@ -117,10 +117,15 @@ class Problem:
             return None
 
     def machines(self, u: Vector) -> Machines:
+        """Return the machines at these numbers; raises SettingsError where one is out of bounds."""
+        return Machines(self.rig_at(u), self.bars)
+
+    def rig_at(self, u: Vector) -> Rig:
         """Return the rig at these numbers; raises SettingsError where one is out of bounds."""
         pairs = zip(self.parameters, u, strict=True)
-        values = {each.key: each.value(x) for each, x in pairs if each.kind in ("rig", "share")}
-        return Machines(with_values(self.rig, values), self.bars)
+        return with_values(
+            self.rig, {each.key: each.value(x) for each, x in pairs if each.kind in ("rig", "share")}
+        )
 
     def of_run(self, u: Vector, k: int) -> dict[tuple[str, str], float]:
         """Return the numbers of one run, by kind and key."""
