@@ -28,7 +28,8 @@ from tssgeom.route.geometry import Method, measure
 from tssgeom.route.observations import Shape, clean
 from tssgeom.route.pieces import Arcs, constant_curvature_pieces, smooth_geometry
 from tssgeom.route.route_fit import RouteFit
-from tssgeom.route.spline.fit import Spline, fit, rows_for
+from tssgeom.route.spline.fit import fit
+from tssgeom.route.spline.spline import Spline, rows_for
 from tssgeom.route.synthetic import Course
 from tssgeom.route.tracking import TrackedFit, follow
 from tssgeom.stream import Frame, FrameResult

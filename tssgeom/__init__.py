@@ -30,7 +30,8 @@ if TYPE_CHECKING:
     from tssgeom.route.repeated import Repeated
     from tssgeom.route.route import Route
     from tssgeom.route.route_fit import RouteFit
-    from tssgeom.route.spline.fit import Spline, fit
+    from tssgeom.route.spline.fit import fit
+    from tssgeom.route.spline.spline import Spline
     from tssgeom.stream import Frame, FrameResult, Rejected
     from tssgeom.tendon.command import Command
     from tssgeom.tendon.commander import Commander, commander_of
@@ -134,7 +135,8 @@ _MODULES = {
     "route.repeated": "Repeated",
     "route.route": "Route",
     "route.route_fit": "RouteFit",
-    "route.spline.fit": "Spline fit",
+    "route.spline.fit": "fit",
+    "route.spline.spline": "Spline",
     "stream": "Frame FrameResult Rejected",
     "tendon.command": "Command",
     "tendon.commander": "Commander commander_of",

@@ -20,9 +20,9 @@ from tssgeom.route.fibre.follow import FibreReading, follow_fibre
 from tssgeom.route.fibre.sensed import clean_fibre
 from tssgeom.route.geometry import measure
 from tssgeom.route.marker_offset import follow_markers
-from tssgeom.route.model_choice import NOISE_PRIOR as POINT_NOISE
 from tssgeom.route.noise_in_time import noise_growth, noise_left
 from tssgeom.route.observations import MIN_POINTS, Shape, are_few, clean
+from tssgeom.route.observations import NOISE_PRIOR as POINT_NOISE
 from tssgeom.route.order import along_the_shortest_path
 from tssgeom.route.resolution import NO_ERRORS, SharedErrors, sheath_resolution
 from tssgeom.route.route_fit import RouteFit

@@ -6,7 +6,8 @@ import pytest
 from tssgeom.route.curvature import CurvatureProfile
 from tssgeom.route.observations import clean
 from tssgeom.route.pieces import Arcs, smooth_geometry
-from tssgeom.route.spline.fit import Spline, fit
+from tssgeom.route.spline.fit import fit
+from tssgeom.route.spline.spline import Spline
 from tssgeom.route.synthetic import Course, positions
 
 

@@ -11,10 +11,10 @@ from tssgeom.errors import FitError, ShapeError
 from tssgeom.route import ratio_average
 from tssgeom.route.arcs.chain import along, form_of
 from tssgeom.route.geometry import measure
-from tssgeom.route.observations import clean
+from tssgeom.route.observations import clean, on_chords
 from tssgeom.route.ratio_average import averaged
 from tssgeom.route.route import arcs_over_chords
-from tssgeom.route.spline.fit import fit, on_chords
+from tssgeom.route.spline.fit import fit
 from tssgeom.route.synthetic import Course, half_circle, helix, positions
 from tssgeom.route.tracking import follow
 

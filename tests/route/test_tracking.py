@@ -279,3 +279,28 @@ def test_the_other_estimator_is_tried_in_small_steps(monkeypatch, route):
         most = most if joints else max(most, work[0])
     assert 0.0 < most < 10.0 * SCHEDULE.work  # one fit of a candidate; it was 48 times that
     assert max(trials) < 80  # it was tried, and counts anew
+
+
+def _wave(turn: float, noise: float, rng: np.random.Generator) -> np.ndarray:
+    """Ten points on a wave in a plane, 0.4 m long, of this turn to either side [rad]; the noise in m."""
+    s = np.linspace(0.0, 0.4, 2001)
+    angle = turn * np.sin(np.pi * s / 0.4) ** 2
+    ds = s[1] - s[0]
+    x, y = (
+        np.concatenate(([0.0], np.cumsum(f(angle)[:-1] + f(angle)[1:]) * ds / 2)) for f in (np.cos, np.sin)
+    )
+    points = np.column_stack((x, y, 0.0 * x))[:: len(s) // 9]
+    return points + noise * rng.standard_normal(points.shape)
+
+
+def test_few_points_that_move_keep_the_noise_of_the_last_fit():
+    # one frame of ten points says little of its noise: nearly all of these were fitted from nothing
+    rng, last, new, off = np.random.default_rng(8), None, 0, []
+    for i in range(40):
+        turn = 1.3 + 0.2 * np.sin(i / 4)
+        last = follow(clean(_wave(turn, 5e-5, rng)), None, last)
+        new += last.age == 0
+        arcs = last.fit.arcs
+        off.append((arcs.total_angle - 2 * turn) / arcs.total_angle_se)
+    assert new <= 4
+    assert np.mean(np.abs(off) < 1.96) >= 0.9

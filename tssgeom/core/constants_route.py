@@ -164,9 +164,12 @@ class SplinePasses(NamedTuple):
     uneven: float = 2.0
     """ln likelihood of a point by which chord lengths must beat even spacing as first stations [1];
     chosen."""
+    representative: float = 0.05
+    """Posterior over the greatest one of a fit that may stand for all, and of a noise that may be kept [1];
+    chosen."""
     warm_noise: float = 2.0
-    """Factor on the noise variance of the last fit, beyond which a fit begins from nothing, and above which a
-    chain is unfit [1]; chosen."""
+    """Factor on the noise variance of the last fit, beyond which a fit begins from nothing or keeps that
+    noise, and above which a chain is unfit [1]; chosen."""
 
 
 PASSES = SplinePasses()

@@ -185,6 +185,7 @@ status tss_spline_frame(
     set_intensity(&model, variance, &at);
     double change = at.ratio * at.intensity / most(last_ratio * last_intensity, 1e-300);
     double lowest = least(growth, 1.0) / PASSES.warm_noise, highest = most(growth, 1.0) * PASSES.warm_noise;
+    result[0] = at.ratio, result[1] = at.intensity, result[3] = spline_deviance(at, spacing);
     if (!(lowest < change && change < highest)) return DONE;
     if (tss_outlying_points(n, u, y, weight, variance, at.ratio, mean, covariance, outlier, (double(*)[n])room)) return DONE;
     if (may_return(n, weight, outlier)) return DONE;
@@ -198,7 +199,6 @@ status tss_spline_frame(
         for (int c = 0; c < 3; c++) residual[i][c] = points[i][c] - nodes.position[where[i]][c];
     }
     *pieces = pieces_of_curvature(*count, s, nodes.tangent, nodes.bend, node_covariance, freedom, (double)n, joints, room);
-    result[0] = at.ratio, result[1] = at.intensity, result[2] = freedom;
-    result[3] = spline_deviance(at, spacing), result[4] = 1.0;
+    result[2] = freedom, result[4] = 1.0;
     return DONE;
 }

@@ -18,7 +18,8 @@ from tssgeom.arrays import Matrix, Points, Vector, rows_at
 from tssgeom.route.bend_priors import Form, Prior, at_points, cells, form_of, oscillations, walk
 from tssgeom.route.bounds import polygon
 from tssgeom.route.error_posterior import GRID
-from tssgeom.route.model_choice import NOISE_PRIOR, log_sum, noise_price
+from tssgeom.route.model_choice import log_sum
+from tssgeom.route.observations import NOISE_PRIOR, noise_price
 from tssgeom.route.ratio_average import GRID as RATIO
 from tssgeom.route.resolution import bend_without_twist, without_twist
 from tssgeom.route.route import STATIONS, Route, step_lengths

@@ -10,7 +10,7 @@ from tssgeom import core
 from tssgeom.arrays import Matrix, read_only
 from tssgeom.route.pieces import Arcs
 from tssgeom.route.route_fit import RouteFit
-from tssgeom.route.spline.fit import Spline
+from tssgeom.route.spline.spline import Spline
 
 _PIECES = 40
 """Pieces at least [1]; chosen: as many as a machine has bars, `MachineFitSettings.fine`."""

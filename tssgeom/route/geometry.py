@@ -33,7 +33,7 @@ from tssgeom.route.model_choice import (
     preference,
     search_variance,
 )
-from tssgeom.route.observations import Shape, are_few, order_warnings, outlier_warnings
+from tssgeom.route.observations import Shape, are_few, on_chords, order_warnings, outlier_warnings
 from tssgeom.route.order import order_warning
 from tssgeom.route.pieces import Arcs, smooth_geometry
 from tssgeom.route.plane import noise_of_plane
@@ -50,7 +50,8 @@ from tssgeom.route.route_fit import (
     refuse_folded,
     refuse_lost,
 )
-from tssgeom.route.spline.fit import Spline, fit, on_chords
+from tssgeom.route.spline.fit import fit
+from tssgeom.route.spline.spline import Spline
 
 Method = Literal["auto", "spline", "arcs"]
 

@@ -13,9 +13,9 @@ from tssgeom.arrays import Matrix, Points, Vector, read_only
 from tssgeom.errors import FitError, ShapeError
 from tssgeom.route.model_check import TrackedFit, model_checked
 from tssgeom.route.model_choice import added_variance, model_probabilities
-from tssgeom.route.observations import Shape
+from tssgeom.route.observations import Shape, on_chords
 from tssgeom.route.route import Route, carried
-from tssgeom.route.spline.fit import fit, on_chords
+from tssgeom.route.spline.fit import fit
 from tssgeom.route.tracking import follow
 
 

@@ -37,7 +37,7 @@ from tssgeom.route.observations import are_few
 from tssgeom.route.pieces import Arcs
 from tssgeom.route.resolution import NO_ERRORS, SharedErrors
 from tssgeom.route.route_fit import RouteFit, Turned
-from tssgeom.route.spline.fit import Spline
+from tssgeom.route.spline.spline import Spline
 from tssgeom.route.steps import at_once
 from tssgeom.route.unresolved_curvature import unresolved_angle_variance
 

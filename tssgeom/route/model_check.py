@@ -44,7 +44,8 @@ from tssgeom.route.model_choice import (
 from tssgeom.route.observations import Shape, are_few
 from tssgeom.route.resolution import NO_ERRORS, SharedErrors
 from tssgeom.route.route_fit import RouteFit
-from tssgeom.route.spline.fit import Spline, fit_in_steps
+from tssgeom.route.spline.fit import fit_in_steps
+from tssgeom.route.spline.spline import Spline
 from tssgeom.route.time_filter import PointFilter
 from tssgeom.statistics import EVIDENCE_SCALE
 

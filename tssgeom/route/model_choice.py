@@ -18,9 +18,9 @@ from tssgeom.core.constants_route import RAW
 from tssgeom.route.arcs.chain import Chain, Data, noise_variance, squared_distances, tangent_count
 from tssgeom.route.arcs.moves import saved_by_slopes
 from tssgeom.route.arcs.outliers import squared_tangent_residuals
-from tssgeom.route.observations import are_few
+from tssgeom.route.observations import are_few, noise_price
 from tssgeom.route.route import across
-from tssgeom.route.spline.fit import Spline
+from tssgeom.route.spline.spline import Spline
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,25 +58,6 @@ class ModelChoice:
 
 
 CHOICE = ModelChoice()
-
-
-@dataclass(frozen=True, slots=True)
-class NoisePrior:
-    """What is known beforehand of the noise of a sensor, over the length of the route; model.md (150)."""
-
-    typical: float = 1e-3
-    """Typical noise [1]. Chosen: cameras, magnetic trackers and fibres lie on both sides of it."""
-    decades: float = 0.7
-    """Standard deviation of its logarithm [decades]. Chosen: 4e-5 to 2e-2 in nineteen of twenty
-    sensors, and 0.004 to 2.4/m in nineteen of twenty fibres."""
-
-
-NOISE_PRIOR = NoisePrior()
-
-
-def noise_price(noise: float) -> float:
-    """Return -2 ln of the prior of an unknown noise, over the length of the route [1], above its least."""
-    return (math.log10(max(noise, 1e-300) / NOISE_PRIOR.typical) / NOISE_PRIOR.decades) ** 2
 
 
 def model_probabilities(log_evidence: Vector) -> Vector:

@@ -11,7 +11,7 @@ from tssgeom import core
 from tssgeom.arrays import Matrix, Vector, read_only
 from tssgeom.result import Result
 from tssgeom.route.curvature import CurvatureProfile
-from tssgeom.route.spline.fit import Spline
+from tssgeom.route.spline.spline import Spline
 
 _SHORTEST = 0.1  # of a piece: what moved bends leave of its length [1]; chosen: the pieces stay in order
 

@@ -7,8 +7,7 @@ import math
 import numpy as np
 
 from tssgeom.core.constants import CHANCE
-from tssgeom.route.model_choice import NOISE_PRIOR
-from tssgeom.route.observations import Shape, are_few
+from tssgeom.route.observations import NOISE_PRIOR, Shape, are_few
 from tssgeom.route.resolution import LIMITS
 from tssgeom.route.route import step_lengths
 from tssgeom.route.route_fit import RouteFit

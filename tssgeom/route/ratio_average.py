@@ -13,19 +13,14 @@ import numpy as np
 from tssgeom import core
 from tssgeom.arrays import Vector
 from tssgeom.core.constants import CHANCE
-from tssgeom.core.constants_route import PRIOR, SEARCH
+from tssgeom.core.constants_route import PASSES, PRIOR, SEARCH
 from tssgeom.errors import FitError
 from tssgeom.route.bounds import Polygon, polygon
-from tssgeom.route.model_choice import (
-    NOISE_PRIOR,
-    added_variance,
-    model_probabilities,
-    noise_price,
-)
-from tssgeom.route.observations import Shape, are_few
+from tssgeom.route.model_choice import added_variance, model_probabilities
+from tssgeom.route.observations import NOISE_PRIOR, Shape, are_few, noise_price, on_chords
 from tssgeom.route.pieces import smooth_geometry
 from tssgeom.route.route import step_lengths
-from tssgeom.route.spline.fit import Spline, fit, on_chords, spline_of
+from tssgeom.route.spline.fit import fit
 from tssgeom.route.spline.problem import (
     LastPass,
     Problem,
@@ -34,6 +29,7 @@ from tssgeom.route.spline.problem import (
     next_pass,
     scaled_variance,
 )
+from tssgeom.route.spline.spline import Spline, spline_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,8 +59,6 @@ class RatioGrid:
     point in a hundred is one, within three spacings."""
     agreement: float = 0.5
     """Difference to the mean Φ up to which the likeliest λ stands for all [standard errors]. Chosen."""
-    representative: float = 0.05
-    """Posterior over the greatest one of a fit that may stand for all [1]. Chosen."""
 
 
 GRID = RatioGrid()
@@ -171,7 +165,7 @@ def _representative(shape: Shape, candidates: list[_Candidate], first: list[_Can
     probability = model_probabilities(-0.5 * criterion)
     mean = float(probability @ angle)
     spread = math.sqrt(added_variance(probability, angle, own, mean, 0.0))
-    eligible = probability >= GRID.representative * probability.max()
+    eligible = probability >= PASSES.representative * probability.max()
     if (eligible & (own <= angle**2)).any():
         eligible &= own <= angle**2
     chosen = sound[int(np.argmin(np.where(eligible, np.abs(angle - mean), math.inf)))]

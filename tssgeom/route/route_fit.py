@@ -20,7 +20,7 @@ from tssgeom.route.arcs.chain import Chain
 from tssgeom.route.curvature import CurvatureProfile
 from tssgeom.route.pieces import Arcs, spread_over
 from tssgeom.route.route import STATIONS, Route
-from tssgeom.route.spline.fit import Spline
+from tssgeom.route.spline.spline import Spline
 
 Value = TypeVar("Value")
 

@@ -13,7 +13,7 @@ from tssgeom.rig import Source
 from tssgeom.route.bounds import LIMITS as BOUNDS
 from tssgeom.route.bounds import polygon
 from tssgeom.route.error_posterior import NO_POSTERIOR, ErrorPosterior, error_posterior
-from tssgeom.route.model_choice import NOISE_PRIOR
+from tssgeom.route.observations import NOISE_PRIOR
 from tssgeom.route.resolution import (
     LIMITS,
     SharedErrors,

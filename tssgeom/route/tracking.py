@@ -31,7 +31,8 @@ from tssgeom.route.geometry import (
 from tssgeom.route.model_check import SCHEDULE, ModelCheck, TrackedFit, model_checked
 from tssgeom.route.observations import Shape
 from tssgeom.route.route_fit import RouteFit
-from tssgeom.route.spline.fit import Spline, warm
+from tssgeom.route.spline.spline import Spline
+from tssgeom.route.spline.warm import warm
 
 
 class NotWarmError(Exception):

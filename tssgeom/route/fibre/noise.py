@@ -11,7 +11,7 @@ import numpy as np
 from tssgeom.arrays import Vector
 from tssgeom.core.constants import CHANCE
 from tssgeom.route.fibre.models import DRAWS, PRIOR, Kinds, Sensed, log_densities, partitions
-from tssgeom.route.model_choice import NOISE_PRIOR
+from tssgeom.route.observations import NOISE_PRIOR
 
 
 @dataclass(frozen=True, slots=True)

@@ -70,11 +70,11 @@ def _converged(before: Solution, solution: Solution) -> bool:
 
 def warmed(
     shape: Shape, noise: float | None, last: LastPass, growth: float
-) -> tuple[Problem, Solution] | None:
+) -> tuple[Problem, Solution, bool]:
     """Posterior of a shape in one pass that begins with the last one of the same route, a moment ago.
 
-    Without directions `core.spline_frame` does the same in one call. None where the last λ, noise or
-    weights no longer hold; the noise variance may have changed by a factor between 1 and `growth`.
+    Without directions `core.spline_frame` does the same in one call. Returns also whether the last λ, noise
+    and weights still hold; the noise variance may have changed by a factor between 1 and `growth`.
     """
     y = (shape.points - shape.points[0]) / last.spacing
     variance = scaled_variance(noise, last.spacing)
@@ -87,11 +87,11 @@ def warmed(
     solution = solve(problem, last.ratio)
     change = solution.variance / max(last.ratio * last.intensity, 1e-300)
     if not min(growth, 1.0) / PASSES.warm_noise < change < max(growth, 1.0) * PASSES.warm_noise:
-        return None
+        return problem, solution, False
     count, outlier = _outlying_points(problem, solution)
     may_return = (last.weight <= 0.0) & (outlier == 0)
     good = not count and not may_return.any() and _outlying_tangent(problem, solution) < 0
-    return (problem, solution) if good else None
+    return problem, solution, good
 
 
 def _first(shape: Shape, spacing: float, noise: float | None) -> tuple[Problem, Solution]:

@@ -103,6 +103,11 @@ class LastPass(NamedTuple):
     tangents: Points | None
     """Sensed directions that were used [n, 3]."""
 
+    @property
+    def noise(self) -> float:
+        """Standard deviation of a coordinate [m]."""
+        return math.sqrt(self.ratio * self.intensity) * self.spacing
+
     def on(self, before: Vector, index: Vector) -> LastPass | None:
         """Return it on other points of the sequence, in between where one was missing; None for other ends.
 
