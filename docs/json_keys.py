@@ -11,19 +11,21 @@ from docstrings import cell, field_docs, parted, sentences, wrapped
 from tssgeom.io.formats.cameras import CalibrationFile
 from tssgeom.io.results.answers import Answer, Late, Refusal, Stale
 from tssgeom.io.results.keys.calibrations import Calibrated, MachineCalibrated, PiecesCalibrated
-from tssgeom.io.results.keys.cameras import CamerasCalibrated, Tracked
-from tssgeom.io.results.keys.checks import (
+from tssgeom.io.results.keys.commands import (
+    CamerasCalibrated,
     Checked,
     CheckedCampaign,
     CheckedPoints,
     CheckedText,
+    Closed,
+    StatisticsOf,
+    Tracked,
     Verified,
 )
 from tssgeom.io.results.keys.designs import PaperObject, Remedied
 from tssgeom.io.results.keys.findings import Report
 from tssgeom.io.results.keys.runs import Compensated, FollowedObject, MachineComputed, Simulated
 from tssgeom.io.results.keys.shapes import ShapeObject
-from tssgeom.io.results.keys.streams import Closed, StatisticsOf
 from tssgeom.io.results.run_record import RunFile
 from tssgeom.rig import Rig
 

@@ -328,7 +328,7 @@ def _print_table(shape: Path, design: Design, remedied: Remedied) -> None:
 def _write(out: Path, report: keys.Remedied, design: Design, remedied: Remedied) -> None:
     from pipelines.figures import write_figure
     from tssgeom.atomic import write_text
-    from tssgeom.view.figures.remedy import remedy_figure
+    from tssgeom.view.figures.commands import remedy_figure
 
     draw = partial(remedy_figure, remedied.tried, remedied.tolerance, design.percentile)
     write_figure(draw, out, "remedy")

@@ -20,14 +20,14 @@ from tssgeom.route.fibre.follow import FibreReading, follow_fibre
 from tssgeom.route.fibre.sensed import clean_fibre
 from tssgeom.route.geometry import measure
 from tssgeom.route.marker_offset import follow_markers
-from tssgeom.route.noise_in_time import noise_growth, noise_left
+from tssgeom.route.noise import contradicted as contradicted_noise
+from tssgeom.route.noise import noise_growth, noise_left
 from tssgeom.route.observations import MIN_POINTS, Shape, are_few, clean
 from tssgeom.route.observations import NOISE_PRIOR as POINT_NOISE
 from tssgeom.route.order import along_the_shortest_path
 from tssgeom.route.resolution import NO_ERRORS, SharedErrors, sheath_resolution
 from tssgeom.route.route_fit import RouteFit
 from tssgeom.route.shared_errors import posterior_of_source, with_hidden_errors, with_shared_errors
-from tssgeom.route.stated_noise import contradicted as contradicted_noise
 from tssgeom.route.time_filter import PointFilter, begun, filtered
 from tssgeom.route.tip import TipReadings, fit_tip
 from tssgeom.route.tracking import NotWarmError, TrackedFit, follow

@@ -8,7 +8,7 @@ from pathlib import Path
 from pipelines.terminal import counted_progress, print_json, print_table
 from tssgeom.errors import SettingsError, ShapeError
 from tssgeom.io.formats.cameras import write_calibration
-from tssgeom.io.results.keys.cameras import CameraOf, CamerasCalibrated
+from tssgeom.io.results.keys.commands import CameraOf, CamerasCalibrated
 from tssgeom.vision.boards import Board, BoardDetection, board_finder
 from tssgeom.vision.calibration import calibrated
 from tssgeom.vision.footage import Footage, open_footage

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tssgeom.adapt.drive import DriveTracker
+from tssgeom.adapt.moments import DriveTracker
 
 NOISE = 1e-5
 

@@ -7,7 +7,7 @@ from tests.live_process import ROUTES, points_mm
 from tssgeom.engine import Engine
 from tssgeom.rig import Rig
 from tssgeom.route import tracking
-from tssgeom.route.noise_in_time import noise_growth, noise_left
+from tssgeom.route.noise import noise_growth, noise_left
 from tssgeom.route.time_filter import begun, filtered
 from tssgeom.route.time_smoother import smoothed
 from tssgeom.stream import Frame

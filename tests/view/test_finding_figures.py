@@ -8,10 +8,15 @@ from matplotlib.figure import Figure
 
 from tests.worked_finding import worked_finding
 from tssgeom.identify.finding import Finding
-from tssgeom.view.figures.finding import judged, missing_figure, residual_figure, transmission_figure
+from tssgeom.view.figures.finding import (
+    judged,
+    missing_figure,
+    ranking_figure,
+    residual_figure,
+    transmission_figure,
+)
 from tssgeom.view.figures.heat_map import along_figure, heat_figure
 from tssgeom.view.figures.plots import BLUE
-from tssgeom.view.figures.ranking import ranking_figure
 from tssgeom.view.figures.restyle import subscripts
 from tssgeom.view.samples import evenly
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
@@ -16,16 +16,38 @@ from tssgeom.adapt.followed_tendon import FollowedTendon, memory_on
 from tssgeom.adapt.machine_diagnosis import OF_MACHINE
 from tssgeom.adapt.machine_filter import MachineFilter
 from tssgeom.adapt.machine_readings import channels_read
-from tssgeom.adapt.noise import assumed_noise, with_noise
 from tssgeom.adapt.readings import CHANNELS, Moment
 from tssgeom.adapt.rig_filter import RigFilter
 from tssgeom.adapt.saved import SavedFilter, captured
 from tssgeom.mechanism import tendon_count
+from tssgeom.plausibility.limits import LIMITS
 from tssgeom.rig import Rig, Sensor
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.machine_simulation import drive_channels, drive_of, with_torque
 from tssgeom.tendon.machine_stream import CarriedMachine
 from tssgeom.tendon.state import TendonState
+
+
+class AssumedNoise(NamedTuple):
+    """Noise of a channel by its unit. Chosen: as of coarse load cells and encoders of a laboratory."""
+
+    m: float = 2e-5
+    """Of a position or an elongation [m]."""
+    rad: float = 1e-3
+    """Of an angle [rad]."""
+    Nm: float = 1e-3
+    """Of a torque [N·m]."""
+    A: float = 0.01
+    """Of a current [A]."""
+
+    @property
+    def N(self) -> float:  # noqa: N802 - the unit
+        """Of a tension [N]."""
+        return LIMITS.weakest_N
+
+
+_ASSUMED = AssumedNoise()
+
 
 _NOISY = (*CHANNELS, "displacement_in_m")
 
@@ -169,3 +191,21 @@ def remarks(kind: OfTendon | OfMachine, readings: Any) -> tuple[str, ...]:
         f"sensors.{name}.noise is not stated: {assumed_noise(name):g} {name.rpartition('_')[2]} is assumed"
         for name in assumed
     )
+
+
+def assumed_noise(channel: str) -> float:
+    """Return the noise that is assumed of a channel, in its unit."""
+    return getattr(_ASSUMED, channel.rpartition("_")[2])
+
+
+def with_noise(rig: Rig, channels: Iterable[str]) -> tuple[Rig, frozenset[str]]:
+    """Return a rig with a noise for each channel, and the channels for which it is assumed."""
+    stated = rig.sensors
+    lacking = {
+        name for name in channels if name not in stated or not (stated[name].noise or stated[name].resolution)
+    }
+    assumed = {
+        name: msgspec.structs.replace(stated.get(name, Sensor()), noise=assumed_noise(name))
+        for name in lacking
+    }
+    return msgspec.structs.replace(rig, sensors={**stated, **assumed}), frozenset(lacking)

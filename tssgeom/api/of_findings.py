@@ -116,7 +116,7 @@ def _finding_object(finding: Finding) -> Any:
 
 def _of_finding(finding: Finding) -> Drawings:
     from tssgeom.view.figures import finding as figures
-    from tssgeom.view.figures.ranking import draw_ranking
+    from tssgeom.view.figures.finding import draw_ranking
 
     drawings: dict[str, Any] = {"ranking": partial(draw_ranking, finding=finding)}
     for name in figures.displayed_channels(figures.judged(finding)):

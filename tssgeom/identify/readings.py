@@ -17,7 +17,7 @@ from tssgeom.identify.campaign import Campaign, Route, Run
 from tssgeom.identify.drive import calmed, turning_points, with_corners
 from tssgeom.plausibility.limits import LIMITS as PLAUSIBLE
 from tssgeom.rig import Rig, Sensor
-from tssgeom.route.stated_noise import STATED
+from tssgeom.route.noise import STATED
 from tssgeom.statistics import reading_noise
 from tssgeom.tendon.bars.model import Drive
 

@@ -14,7 +14,7 @@ from tssgeom.core.constants import CHANCE, ROUNDING
 from tssgeom.core.constants_route import ORDERING, POINTS, RAW
 from tssgeom.errors import ShapeError
 from tssgeom.route.directions import checked_directions, listed
-from tssgeom.route.raw_outliers import raw_outliers
+from tssgeom.route.outliers import raw_outliers
 from tssgeom.route.route import arcs_over_chords, station_warnings, step_lengths
 
 MIN_POINTS = 4

@@ -12,12 +12,15 @@ from tssgeom.errors import ShapeError
 from tssgeom.vision.cameras import Camera, project
 from tssgeom.vision.continuity import Off, beginning, followed
 from tssgeom.vision.localisation import Alone, located, refuse_one_camera
-from tssgeom.vision.matching import Matches, matches_of
+from tssgeom.vision.matching import Matches, matches_of, sure
 from tssgeom.vision.neighbours import reach_of, unopposed
 from tssgeom.vision.sightings import Sightings
-from tssgeom.vision.sizes import of_one_size
 from tssgeom.vision.triangulation import gates, pixel_scale
 from tssgeom.vision.views import Located, ViewSet, nowhere, view_set_of
+
+_SAME = 0.22  # of ln radius: spread of one size by lighting, blur and slanted views
+_MOSTLY = 0.7  # of the sure matches that have to agree before size is used
+
 
 _GENEROUS = 5.0  # times the stated pixel noise, before it is estimated from the views
 _PROBED = 60  # frames from which the pixel noise is estimated before anything is refused
@@ -289,3 +292,54 @@ def _usual(size: np.ndarray) -> np.ndarray:
         middle = [np.take_along_axis(around, k[None], axis=0)[0] for k in ((known - 1) // 2, known // 2)]
         usual[f] = np.where(known >= _FEWEST, 0.5 * (middle[0] + middle[1]), np.nan)
     return usual
+
+
+def of_one_size(
+    cameras: tuple[Camera, ...], view_sets: Sequence[ViewSet], matches: Sequence[Matches]
+) -> list[Matches]:
+    """Leave out matches whose blobs would be markers of another size than most; docs/model.md (137).
+
+    Parameters
+    ----------
+    cameras
+        The cameras.
+    view_sets, matches
+        Sightings of each frame, and the points that they may be.
+
+    Returns
+    -------
+    list of Matches
+        The same where markers have sizes of their own.
+    """
+    radii = [
+        _log_radius(cameras, one, candidates) for one, candidates in zip(view_sets, matches, strict=True)
+    ]
+    usual = _densest(np.concatenate(radii))
+    certain = [radius[sure(candidates)[0]] for radius, candidates in zip(radii, matches, strict=True)]
+    agreeing = np.abs(np.concatenate(certain) - usual) <= _SAME
+    if np.count_nonzero(agreeing) < _MOSTLY * len(agreeing):
+        return list(matches)
+    kept = [np.flatnonzero(np.abs(radius - usual) <= _SAME) for radius in radii]
+    return [candidates.take(rows) for candidates, rows in zip(matches, kept, strict=True)]
+
+
+def _log_radius(cameras: tuple[Camera, ...], one: ViewSet, candidates: Matches) -> Vector:
+    """Logarithm of the radius that a marker would have, the mean over the views that see it [ln m]."""
+    total, views = np.zeros(len(candidates.points)), np.zeros(len(candidates.points))
+    for v, camera in enumerate(cameras):
+        here = candidates.blobs[:, v] >= 0
+        depth = candidates.points[here] @ camera.rotation[2] + camera.shift[2]
+        area = one.sightings[v].size[candidates.blobs[here, v]] / (camera.matrix[0, 0] * camera.matrix[1, 1])
+        total[here] += 0.5 * np.log(area / np.pi) + np.log(depth)
+        views[here] += 1.0
+    return total / np.maximum(views, 1.0)
+
+
+def _densest(values: Vector) -> float:
+    """Return the median of the values in the window, `_SAME` wide, that holds most of them."""
+    if not len(values):
+        return 0.0
+    ordered = np.sort(values)
+    until = np.searchsorted(ordered, ordered + _SAME, side="right")
+    first = int(np.argmax(until - np.arange(len(ordered))))
+    return float(np.median(ordered[first : until[first]]))

@@ -6,8 +6,7 @@ import math
 
 import numpy as np
 
-from tssgeom.core.constants import ROUNDING
-from tssgeom.core.constants_lumen import WALL
+from tssgeom.core.constants import ROUNDING, WALL
 
 _MOST_AROUND = 256  # triangles that meet in one point
 

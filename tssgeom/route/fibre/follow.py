@@ -12,7 +12,7 @@ from tssgeom.route.fibre.models import stretches
 from tssgeom.route.fibre.noise import LastNoise
 from tssgeom.route.fibre.sensed import clean_fibre, fit_fibre, sensed_shape
 from tssgeom.route.model_check import TrackedFit
-from tssgeom.route.noise_in_time import noise_growth, noise_left
+from tssgeom.route.noise import noise_growth, noise_left
 from tssgeom.route.observations import Shape
 from tssgeom.route.time_filter import PointFilter, begun, filtered
 

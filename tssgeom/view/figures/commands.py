@@ -1,4 +1,4 @@
-"""Figure of commands: the drive, and where they bring the distal end, with 95 % bounds, beside the target."""
+"""Figures of commands beside their target, and of what an added curve gains and costs."""
 
 from __future__ import annotations
 
@@ -11,7 +11,19 @@ from matplotlib.figure import Figure
 from tssgeom.arrays import Vector
 from tssgeom.tendon.command import Command
 from tssgeom.tendon.command_error import MOST_OUTSIDE, bound
-from tssgeom.view.figures.plots import BLUE, INK, ORANGE, PAGE, figure, legend_below, titles
+from tssgeom.tendon.design import Tried
+from tssgeom.view.figures.plots import (
+    BLUE,
+    GREEN,
+    INK,
+    ORANGE,
+    PAGE,
+    SOFT,
+    figure,
+    legend_below,
+    note,
+    titles,
+)
 from tssgeom.view.quantities import (
     DISPLACEMENT_IN,
     DISPLACEMENT_OUT,
@@ -20,6 +32,9 @@ from tssgeom.view.quantities import (
     TIME,
     Quantity,
 )
+
+_ACROSS = "angle of the added curve β [°]"
+
 
 _BAND = "#c9dcea"
 _HEIGHT = 4.4  # inch; chosen: three rows and a legend
@@ -97,3 +112,47 @@ def _reached(commands: Sequence[Command], *, by_tension: bool) -> tuple[Quantity
         of, values = DISPLACEMENT_OUT, [(e.displacement_reached, e.displacement_out_se) for e in commands]
     reached, error = np.array([(value, bound(se)) for value, se in values]).T
     return of, of.factor * reached, of.factor * error
+
+
+def remedy_figure(tried: Sequence[Tried], tolerance: float | None, percentile: float) -> Figure:
+    """Draw the changes that perturbations make, and the price, over the angle of the curve."""
+    beta = np.degrees([each.curve.angle for each in tried])
+    with figure((PAGE, 2.9)) as drawing:
+        gain, out, own = drawing.subplots(1, 3)
+        gain.plot(beta, [1e3 * each.disturbed.pull for each in tried], color=BLUE, label="end of the pull")
+        gain.plot(
+            beta,
+            [1e3 * each.disturbed.elongation[-1] for each in tried],
+            color=ORANGE,
+            linestyle=(0, (5, 1.5)),
+            label="end of the release",
+        )
+        gain.axhline(1e3 * tried[0].disturbed.pull, color=SOFT, linewidth=0.9)
+        note(
+            gain,
+            "pull, same T_out",
+            (0.98 * beta[-1], 1e3 * tried[0].disturbed.pull),
+            xytext=(0, -2),
+            textcoords="offset points",
+            ha="right",
+            va="top",
+        )
+        _mark_tolerance(gain, tolerance, float(beta[-1]))
+        out.plot(beta, [each.price.tension_out for each in tried], color=GREEN)
+        own.plot(beta, [1e3 * each.price.own_elongation for each in tried], color=GREEN)
+        gain.legend(loc="upper right", borderaxespad=0.0, bbox_to_anchor=(1.0, 0.9))
+        titles(gain, "(a) Effect of unknown bends", _ACROSS, f"|Δδ|, percentile {percentile:g} [mm]")
+        titles(out, "(b) Price: distal tension", _ACROSS, "T_out at the end of the pull [N]")
+        titles(own, "(c) Price: own elongation", _ACROSS, "δ of the added curve [mm]")
+        for axes in (gain, out, own):
+            axes.set_xlim(0, beta[-1])
+            axes.set_xticks(np.arange(0, beta[-1] + 1, 360))
+            axes.set_ylim(0, None)
+    return drawing
+
+
+def _mark_tolerance(axes: Axes, tolerance: float | None, right: float) -> None:
+    if tolerance is None:
+        return
+    axes.axhline(1e3 * tolerance, color=INK, linewidth=0.9, linestyle=(0, (1, 1.5)))
+    note(axes, "tolerance", (0.98 * right, 1e3 * tolerance), ha="right", va="bottom", color=INK)

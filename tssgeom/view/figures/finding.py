@@ -1,8 +1,9 @@
-"""Figures of a finding: readings, predictions before and after, and residuals."""
+"""Figures of a finding: readings and predictions, residuals, laws with their bands, and the candidates."""
 
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -11,9 +12,20 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from tssgeom.arrays import Vector
-from tssgeom.identify.finding import Finding, Trace
+from tssgeom.identify.finding import Candidate, Finding, LawCurve, Trace
+from tssgeom.identify.verdict import OVER
 from tssgeom.view import finding_wording as words
 from tssgeom.view.figures.plots import BLUE, INK, ORANGE, PAGE, figure, legend_below, measured, panels, titles
+
+_SCALES = {"m": ("mm", 1e3), "m/s": ("mm/s", 1e3)}
+_COLUMNS = 2
+_FEW = 8  # points that are marked; chosen
+
+
+MOST = 10
+_PALE = "#c3c9d4"
+_LINEAR = 20.0  # ΔBIC up to which the axis is linear [1]; chosen: thresholds of clean campaigns are below
+
 
 _BAND, _SPREAD = "#c9dcea", "#d9dee6"
 _HELD = "#f6f3e6"
@@ -192,3 +204,104 @@ def missing_figure(finding: Finding) -> Figure:
                 "friction μ ± 2 s.e. [1]",
             )
     return drawing
+
+
+def listed_candidates(finding: Finding) -> tuple[Candidate, ...]:
+    """Return the first candidates of the ranking, and what acts where it is not among them."""
+    first = finding.ranking[:MOST]
+    names = {name for each in first for name in each.names}
+    return (*(each for each in finding.effects if not names.intersection(each.names)), *first)
+
+
+def ranking_figure(finding: Finding) -> Figure:
+    """Draw the evidence for each candidate, and what it has to pass."""
+    with figure((PAGE, 0.75 + 0.24 * len(listed_candidates(finding)))) as drawing:
+        legend_below(drawing, draw_ranking(drawing.subplots(), finding))
+    return drawing
+
+
+def draw_ranking(axes: Axes, finding: Finding) -> Axes:
+    """Draw the evidence for each of the first candidates, held-out runs included, and its threshold."""
+    candidates = listed_candidates(finding)
+    rows = range(len(candidates))
+    gains = [each.evidence.total if math.isfinite(each.evidence.total) else 0.0 for each in candidates]
+    shades = [BLUE if words.is_selected(finding, each) else _PALE for each in candidates]
+    axes.barh(rows, gains, color=shades, height=0.7)
+    for k, each in enumerate(candidates):
+        bar = [each.evidence.threshold] * 2
+        axes.plot(bar, [k - 0.45, k + 0.45], color=ORANGE, linewidth=1.6, label="_" if k else "threshold")
+        end, style = (max(gains[k], 0.0), k), {"va": "center", "fontsize": 7.5}
+        axes.annotate(
+            words.total(each.evidence).replace("-", "\N{MINUS SIGN}"),
+            end,
+            xytext=(3, 0),
+            textcoords="offset points",
+            **style,
+        )
+    axes.set_yticks(rows, [words.candidate(each) for each in candidates])
+    axes.invert_yaxis()
+    if max(map(abs, axes.get_xlim())) > _LINEAR:  # else a logarithm has no round numbers there
+        axes.set_xscale("symlog", linthresh=_LINEAR)
+    axes.xaxis.set_major_formatter("{x:g}")
+    axes.grid(visible=False, axis="y")
+    titles(axes, "What each effect gains, refitted through the model", f"{words.TOTAL} [1]", "")
+    return axes
+
+
+def laws_of(finding: Finding) -> list[Candidate]:
+    """Return what of a finding is a law with a curve."""
+    return [each for each in finding.effects if each.law is not None and len(each.law.x) > 1]
+
+
+def law_figure(finding: Finding) -> Figure:
+    """Draw every law over its support with its 95 % band, beside what the rig file has there."""
+    laws = laws_of(finding)
+    rows = -(-len(laws) // _COLUMNS)
+    with figure((PAGE, 2.9 * rows)) as drawing:
+        axes = drawing.subplots(rows, min(len(laws), _COLUMNS), squeeze=False).ravel()
+        for one, each in zip(axes, laws, strict=False):
+            _draw(one, each, finding)
+        for one in axes[len(laws) :]:
+            one.set_visible(False)
+    return drawing
+
+
+def _draw(axes: Axes, each: Candidate, finding: Finding) -> None:
+    law = each.law
+    assert law is not None
+    name, x, unit = _abscissa(law)
+    label, y_unit, factor = _ordinate(each, law)
+    axes.fill_between(x, factor * law.low, factor * law.high, color=_BAND, linewidth=0, label="95 % band")
+    style = {"marker": "o", "markersize": 3} if len(x) < _FEW else {}
+    axes.plot(x, factor * law.value, color=BLUE, linewidth=1.4, label="law", **style)
+    if each.names[0].startswith("friction_over"):
+        nominal = finding.nominal["friction"]
+        axes.axhline(nominal, color=ORANGE, linestyle=(0, (4, 1.5)), linewidth=1.1, label="rig file")
+    else:
+        axes.axhline(0.0, color=ORANGE, linestyle=(0, (4, 1.5)), linewidth=1.1, label="base model")
+    axes.margins(x=0.02)
+    axes.legend(loc="best")
+    titles(axes, words.candidate(each), f"{name} [{unit}]", f"{label} [{y_unit}]")
+
+
+def _abscissa(law: LawCurve) -> tuple[str, Vector, str]:
+    if law.over in OVER:
+        name, si = OVER[law.over]
+    else:
+        quantity = words.channel(law.over)
+        return f"true {quantity.symbol}", quantity.factor * law.x, quantity.unit
+    unit, factor = _SCALES.get(si, (si, 1.0))
+    return name, factor * law.x, unit
+
+
+def _ordinate(each: Candidate, law: LawCurve) -> tuple[str, str, float]:
+    name = each.names[0]
+    if name.startswith("friction_over"):
+        return "friction μ", "1", 1.0
+    if name == "strain_over_tension":
+        return "strain beside the linear one", "1", 1.0
+    unit, factor = _SCALES.get(law.unit, (law.unit, 1.0))
+    if name == "strain_over_time":
+        return "creep over elastic strain", "1", 1.0
+    what = "reading less truth" if name.startswith("sensor") else "path beside the linear one"
+    return what, unit, factor

@@ -13,15 +13,23 @@ from matplotlib.figure import Figure
 from tssgeom.atomic import write_text
 from tssgeom.identify.finding import Candidate, Finding
 from tssgeom.identify.misfit import beyond_noise
+from tssgeom.version import __version__
 from tssgeom.view import colours
 from tssgeom.view import finding_wording as words
-from tssgeom.view.figures.finding import judged, missing_figure, residual_figure, transmission_figure
+from tssgeom.view.figures.finding import (
+    judged,
+    law_figure,
+    laws_of,
+    listed_candidates,
+    missing_figure,
+    ranking_figure,
+    residual_figure,
+    transmission_figure,
+)
 from tssgeom.view.figures.heat_map import along_figure, heat_figure
-from tssgeom.view.figures.laws import law_figure, laws_of
 from tssgeom.view.figures.plots import markup
-from tssgeom.view.figures.ranking import listed_candidates, ranking_figure
 from tssgeom.view.report.misfit_table import misfit_table, phase_table
-from tssgeom.view.report.page import filled, program_version, with_subscripts
+from tssgeom.view.report.page import filled, with_subscripts
 from tssgeom.view.report.proposed_runs import proposed_figures, proposed_markup
 
 _ACCENTS = {"none": "#009e73", "effect": "#0072b2", "tie": "#a35c00", "unknown": "#a3508a"}
@@ -59,7 +67,7 @@ def _subtitle(finding: Finding) -> str:
     kept = f"held out: {', '.join(held)}" if held else "none held out"
     return (
         f"{len(traces)} runs with {samples} samples, {kept}; "
-        f"done in {finding.seconds:.1f} s by tssgeom {program_version()}"
+        f"done in {finding.seconds:.1f} s by tssgeom {__version__}"
     )
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from importlib.metadata import PackageNotFoundError, version
 from importlib.resources import files
 from string import Template
 
@@ -36,11 +35,3 @@ _COLOUR = re.compile(r'(stroke|fill)(?:="|: )(#[0-9a-f]{6})')
 def with_subscripts(markup: str) -> str:
     """Write `T_in` in the markup of a page as a symbol with its subscript."""
     return SYMBOL.sub(lambda symbol: f"{symbol[1]}<sub>{symbol[2]}{symbol[3] or ''}</sub>", markup)
-
-
-def program_version() -> str:
-    """Return the version of this program."""
-    try:
-        return version("tssgeom")
-    except PackageNotFoundError:
-        return "(not installed)"

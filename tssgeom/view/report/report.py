@@ -16,6 +16,7 @@ from tssgeom.atomic import write_text
 from tssgeom.effects import named
 from tssgeom.rig import Rig
 from tssgeom.stream import FrameResult, Rejected
+from tssgeom.version import __version__
 from tssgeom.view import wording as words
 from tssgeom.view.report.at_a_glance import (
     anchor,
@@ -28,7 +29,7 @@ from tssgeom.view.report.at_a_glance import (
 )
 from tssgeom.view.report.entry import ReportEntry
 from tssgeom.view.report.outlying_inputs import OutlyingInput
-from tssgeom.view.report.page import filled, program_version, with_subscripts
+from tssgeom.view.report.page import filled, with_subscripts
 from tssgeom.view.samples import route_samples
 
 _MOST_WARNINGS = 5
@@ -135,7 +136,7 @@ def _statement(rig: Rig, tension_in: float) -> str:
         "Sensor noise": "estimated from the points"
         if rig.shape.noise_mm is None
         else f"{rig.shape.noise_mm:g} mm, as the rig states",
-        "Program": f"tssgeom {program_version()}",
+        "Program": f"tssgeom {__version__}",
     }
     lines = "".join(f"<dt>{name}</dt><dd>{_text(text)}</dd>" for name, text in facts.items())
     return f"<h3>Settings</h3>\n<dl>{lines}</dl>"

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -16,10 +16,10 @@ from tssgeom.io.formats.columns import AXES, POINT, TIME
 from tssgeom.io.formats.laboratory.channels import Resolved
 from tssgeom.io.formats.laboratory.files import raw_tables
 from tssgeom.io.formats.laboratory.mapping import NO_MAP, ColumnMap, Mapped
+from tssgeom.io.formats.laboratory.names import stamp_part
 from tssgeom.io.formats.laboratory.polar import with_components
 from tssgeom.io.formats.laboratory.raw import RawTable
 from tssgeom.io.formats.laboratory.resolve import marker_numbers, resolved
-from tssgeom.io.formats.laboratory.stamps import with_time_of_stamps
 from tssgeom.io.formats.laboratory.tools import with_points_of_tools
 from tssgeom.io.formats.laboratory.wide import FEWEST_POINTS, with_row_a_point
 from tssgeom.io.formats.paths import Stamp, selected, split, stamp_of
@@ -232,3 +232,33 @@ def _in_a_line(unclear: Sequence[str]) -> str:
         return "; ".join(unclear)
     others = ", ".join(each.partition(f"{each[0]} ")[0] + each[0] for each in unclear[_MOST_WHOLE:])
     return f"{'; '.join(unclear[:_MOST_WHOLE])}; likewise of {others}"
+
+
+def with_time_of_stamps(table: RawTable, said: Collection[str]) -> RawTable:
+    """Return a table with `time_s` instead of the first pair of seconds and nanoseconds of a stamp.
+
+    A table with that column, or of which the user states what one of the two is, stays as it is.
+    """
+    parts = [stamp_part(name) for name in table.names]
+    pair = next(
+        (
+            (k, parts.index((part[0], "nanosec")))
+            for k, part in enumerate(parts)
+            if part is not None and part[1] == "sec" and (part[0], "nanosec") in parts
+        ),
+        None,
+    )
+    if pair is None or TIME in table.names or {table.names[k] for k in pair} & {*said}:
+        return table
+    whole, nano = (table.columns[k] for k in pair)
+    if not (isinstance(whole, np.ndarray) and isinstance(nano, np.ndarray)):
+        return table
+    joined = {pair[0]: (TIME, whole + 1e-9 * nano)}
+    kept = [k for k in range(len(table.names)) if k != pair[1]]
+    return replace(
+        table,
+        names=tuple(joined[k][0] if k in joined else table.names[k] for k in kept),
+        columns=tuple(joined[k][1] if k in joined else table.columns[k] for k in kept),
+        units=tuple("" if k in joined else table.units[k] for k in kept) if table.units else (),
+        notes=(*table.notes, f"{table.names[pair[0]]} and {table.names[pair[1]]} read as {TIME}"),
+    )
