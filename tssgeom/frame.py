@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tssgeom.arrays import Matrix, Points, Vector, read_only, rows_at
+from tssgeom.core.constants_route import PASSES
 from tssgeom.errors import FitError, ShapeError
 from tssgeom.plausibility.frames import require_one_target
 from tssgeom.result import Result
@@ -293,7 +294,7 @@ def _with_direction_noise(shape: Shape, noise: float | None, tracked: TrackedFit
         tangent = rows_at(route.station, route.s, route.tangent)
         parameters = 0.0 if spline is None else 2.0 * spline.tangent_share * spline.freedom
         estimate = estimated_noise(shape.directions, tangent, parameters)
-        if abs(estimate - shape.direction_noise) < DIRECTION_NOISE.kept * shape.direction_noise:
+        if abs(estimate - shape.direction_noise) < PASSES.same_ratio * shape.direction_noise:
             break
         shape = replace(shape, direction_noise=estimate)
         tracked = replace(TrackedFit.of(measure(shape, noise), shape.index), marker_axis=tracked.marker_axis)

@@ -14,6 +14,8 @@ from tssgeom.core.constants import MEDIANS, ROUNDING
 
 NORMAL_95 = 1.959964
 """Standard deviations to either side of a 95 % interval. Derived: the 97.5 % quantile of the normal law."""
+EVEN = 0.5
+"""Probability of what is as likely as not. Mathematics."""
 
 
 @dataclass(frozen=True, slots=True)

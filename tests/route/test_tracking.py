@@ -10,9 +10,9 @@ import pytest
 from tests.known_routes import arc_positions, truth
 from tests.live_process import ROUTES, points_mm
 from tssgeom import core
+from tssgeom.core.constants_arcs import CHAIN_MOVES
 from tssgeom.route.arcs.chain import work_of_evaluation
 from tssgeom.route.geometry import measure
-from tssgeom.route.model_check import SCHEDULE
 from tssgeom.route.observations import clean
 from tssgeom.route.synthetic import Course, chain
 from tssgeom.route.tracking import follow, model_checked
@@ -277,7 +277,7 @@ def test_the_other_estimator_is_tried_in_small_steps(monkeypatch, route):
         trials.add(last.age)
         last = model_checked(last)
         most = most if joints else max(most, work[0])
-    assert 0.0 < most < 10.0 * SCHEDULE.work  # one fit of a candidate; it was 48 times that
+    assert 0.0 < most < 10.0 * CHAIN_MOVES.work_of_any  # one fit of a candidate; it was 48 times that
     assert max(trials) < 80  # it was tried, and counts anew
 
 

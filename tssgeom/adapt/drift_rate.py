@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from tssgeom import core
 from tssgeom.adapt.readings import mean_and_covariance
 from tssgeom.arrays import Matrix, Vector
+from tssgeom.statistics import EVEN
 
 
 class DriftSettings(NamedTuple):
@@ -19,8 +20,6 @@ class DriftSettings(NamedTuple):
     shares: tuple[float, ...] = (0.0, *(10.0 ** (0.5 * i) for i in range(-6, 4)))
     """Variances of a drift that are compared, over that which the rig states [1]. Chosen: from none to six
     times as fast; a fault is faster yet."""
-    none: float = 0.5
-    """Probability at the start that a number does not drift at all [1]; chosen: each as likely."""
     faster: float = 0.05
     """Probability at the start that it drifts faster than the rig states [1]; chosen: one rig in 20."""
     changes: float = 1e-4
@@ -37,8 +36,8 @@ class DriftSettings(NamedTuple):
         """[shares] Probability of each at the start."""
         share = np.array(self.shares)
         faster, rest = share > 1.0, (share > 0.0) & (share <= 1.0)
-        slower = 1.0 - self.none - self.faster
-        return self.none * (share == 0.0) + self.faster * faster / faster.sum() + slower * rest / rest.sum()
+        slower = 1.0 - EVEN - self.faster  # that a number drifts at all is as likely as not
+        return EVEN * (share == 0.0) + self.faster * faster / faster.sum() + slower * rest / rest.sum()
 
 
 DRIFT = DriftSettings()

@@ -156,12 +156,12 @@ static int64_t turn_is_identifiable(const Data *data, const Chain *chain) {
         if (!(data->weight[i] > 0.0)) continue;
         double turned = turned_to(s[i], here, chain, &j);
         int64_t wide = before >= 0 && s[i] - s[before] > CHAIN_FIT.wide * data->spacing;
-        double limit = wide ? CHAIN_FIT.most_turn_unobserved : CHAIN_FIT.most_turn;
+        double limit = wide ? 2.0 * CHAIN_FIT.most_turn : CHAIN_FIT.most_turn;
         if (before >= 0 && !(turned < limit)) return 0;
         before = i, here = s[i];
     }
     double end = most(s[data->n - 1], chain->form->piece[chain->k - 1].begin); /* where no point counts */
-    return turned_to(end, here, chain, &j) < CHAIN_FIT.most_turn_unobserved;
+    return turned_to(end, here, chain, &j) < 2.0 * CHAIN_FIT.most_turn;
 }
 
 Chain chain_of(

@@ -42,9 +42,8 @@ class ChainFit(NamedTuple):
     """Decrease that may still come, or the fit is given up [promised decrease of the next step]; chosen."""
 
     most_turn: float = 2.0
-    """Greatest turn from point to point that is identifiable [rad]; chosen, below π."""
-    most_turn_unobserved: float = 4.0
-    """The same between points that have unobserved ones between them [rad]; chosen."""
+    """Greatest turn from point to point that is identifiable, and half of it between points that have
+    unobserved ones between them [rad]; chosen, below π."""
     wide: float = 3.0
     """Distance of points that have unobserved ones between them [mean spacings]; chosen."""
 
@@ -72,16 +71,25 @@ class ChainMoves(NamedTuple):
     """Evaluations of all that are tried, beyond which the best so far stays [1]; chosen: half a second of
     10 000 points, six times what a smooth route takes."""
     work_of_any: int = 2000
-    """What an evaluation may take whatever the number of points [visits of a point]; derived: that of a chain
-    with the most pieces."""
+    """What an evaluation may take whatever the number of points, and a check of the model after one frame of
+    a stream, as its steps count it [visits of a point]; derived: that of a chain with the most pieces; 0.2
+    ms."""
     dropped_below: float = 8.0
     """Length of a piece below which it may be dropped whole [mean spacings]; chosen."""
-    joint_parameters: float = 3.0
-    """Parameters of another joint, the joint and the curvature behind it; a simpler chain that promises to
-    raise the criterion by no more than their price is still tried [1]; derived."""
 
 
 CHAIN_MOVES = ChainMoves()
+
+
+class ChainParameters(NamedTuple):
+    """What a chain consists of; mathematics."""
+
+    joint: float
+    """Numbers of another joint, its position and the curvature vector behind it [1]. A simpler chain that
+    promises to raise the criterion by no more than their price is still tried."""
+
+
+CHAIN_PARAMETERS = ChainParameters(joint=3.0)
 
 
 class IdentifiableBend(NamedTuple):

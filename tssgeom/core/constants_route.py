@@ -160,7 +160,8 @@ class SplinePasses(NamedTuple):
     same_noise: float = 0.01
     """Relative change of the noise variance at which they have converged [1]; chosen."""
     same_ratio: float = 0.05
-    """Change of ln λ at which they have converged [1]; chosen."""
+    """Change of ln λ at which they have converged, and of the noise of directions that makes no new fit, over
+    it [1]; chosen."""
     uneven: float = 2.0
     """ln likelihood of a point by which chord lengths must beat even spacing as first stations [1];
     chosen."""

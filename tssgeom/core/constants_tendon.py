@@ -26,9 +26,9 @@ class SolverTolerances(NamedTuple):
     accuracy: float = 1e-10
     """Residual that ends the iteration, of the greatest tension [1]; chosen: rounding, with room."""
     accepted: float = 1e-7
-    """Largest residual of an equilibrium that is returned, and error of its tensions [N]; chosen: below what
-    any sensor resolves. Above 107 N it grows with the tension; docs/model.md (250). The last pass over curved
-    laws moves no tension by a tenth of it."""
+    """Largest residual of an equilibrium that is returned, and error of its tensions [N]; angle of a joint
+    that a command may miss [rad]; chosen: below what any sensor resolves. Above 107 N it grows with the
+    tension; docs/model.md (250). The last pass over curved laws moves no tension by a tenth of it."""
     trials: int = 80
     """Most trials in a search for one number, and passes over curved laws before a step is given up [1];
     derived: bisection alone would need some 60."""
@@ -36,14 +36,13 @@ class SolverTolerances(NamedTuple):
     """Passes that go all the way, the others half of it [1]; chosen."""
     motion: float = 1e-3
     """Weight of movement against force [1]; chosen: so small that contacts stop before they turn round."""
-    markings: int = 10
-    """Times that slack bars are marked anew before the movements are relaxed [1]; chosen."""
     rounds: int = 7
     """Rounds of relaxation, each four times as long as the one before [1]; chosen."""
     from_before: int = 6
     """Newton iterations from what slid last [1]; chosen: few steps need more."""
     from_guess: int = 10
-    """Newton iterations from what would slide on a fixed route [1]; chosen."""
+    """Newton iterations from what would slide on a fixed route, and times that slack bars are marked anew
+    before the movements are relaxed [1]; chosen."""
 
 
 SOLVER = SolverTolerances()

@@ -117,7 +117,7 @@ int64_t pieces_of_curvature(
         /* the errors are correlated: the whole route is worth as many values as the fit has parameters */
         weight[j] = freedom * length * length / (s[n - 1] * most(variance, 1e-300));
     }
-    double penalty = CHAIN_MOVES.joint_parameters * log(most(points, 2.0));
+    double penalty = CHAIN_PARAMETERS.joint * log(most(points, 2.0));
     int64_t pieces = tss_best_partition(cells, mean, weight, penalty, joints, (double(*)[cells + 1])room);
     for (int64_t k = 0; k <= pieces; k++) joints[k] = nodes[joints[k]];
     for (int64_t k = pieces + 1; k <= n; k++) joints[k] = n - 1;

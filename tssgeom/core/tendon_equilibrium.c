@@ -259,7 +259,7 @@ int64_t equilibrium(bar_chain *c, int hanging, int64_t from_before, int64_t from
             set_tensions(c);
             judge(c, 1);
         }
-        for (int64_t marking = 0; marking < SOLVER.markings; marking++) {
+        for (int64_t marking = 0; marking < SOLVER.from_guess; marking++) {
             solves += solve_nested(c, 0.01 * accepted);
             set_tensions(c);
             *residual = judge(c, 0);

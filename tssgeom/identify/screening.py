@@ -20,6 +20,7 @@ from tssgeom.effects.ends import Backlash
 from tssgeom.errors import FitError, SettingsError
 from tssgeom.identify.fit import Fit, Free, Point, Problem, columns, freed, refined
 from tssgeom.identify.prediction import CELLS, Errors, Stack
+from tssgeom.plausibility.limits import LIMITS
 from tssgeom.rig import Rig, Sensor
 from tssgeom.statistics import EVIDENCE_SCALE
 
@@ -35,8 +36,6 @@ class DetectionLimits:
     """Of the typical size: size at which an effect is first tried [1]; chosen."""
     draws: int = 400
     """Clean campaigns that are sampled; chosen: 4 of them exceed the threshold."""
-    cell_N: float = 0.06
-    """Detection limit of a tension that was not measured [N]; chosen."""
 
 
 DETECTION = DetectionLimits()
@@ -261,7 +260,7 @@ def detection_limits(stack: Stack, rig: Rig) -> dict[str, float]:
         sensor = rig.sensors.get(block.channel, Sensor())
         noise = stack.readings[block.run].noise[block.channel]
         own[block.channel] = sensor.nonlinearity * sensor.full_scale + sensor.resolution + noise
-    cell = max((own[name] for name in CELLS if name in own), default=DETECTION.cell_N)
+    cell = max((own[name] for name in CELLS if name in own), default=LIMITS.weakest_N)
     length = max(reading.route.arcs.total_length for reading in stack.readings)
     give = rig.tendon.compliance_per_N * length * cell
     return {name: value if name in CELLS else value + give for name, value in own.items()}

@@ -35,8 +35,6 @@ class TieLimits:
 
     alike: float = 0.995
     """Cosine of two signatures from which no fit separates them [1]; chosen on development seeds."""
-    faint: float = 5.0
-    """S.d. that an effect of typical size has to show [1]; chosen."""
     absorbed: float = 0.2
     """Of a signature: share that friction and compliance leave at most where they are its tie [1]; chosen."""
     least_move: float = 0.01
@@ -142,8 +140,8 @@ def _alike(one: ScoreTest, other: ScoreTest) -> bool:
 
 def _absorbed(test: ScoreTest, small: bool) -> bool:
     """Whether a refit of friction and compliance takes a signature up, but for what is too small to count."""
-    return test.raw > TIES.faint and (
-        small or (test.size < TIES.faint and test.size < TIES.absorbed * test.raw)
+    return test.raw > CHANCE.rare and (
+        small or (test.size < CHANCE.rare and test.size < TIES.absorbed * test.raw)
     )
 
 
@@ -151,10 +149,10 @@ def unobservable(view: Screening, absent: Mapping[str, str], named: Sequence[str
     """Return effects without a signature in these readings, and why."""
     out = dict(absent)
     for name, test in _by_name(view).items():
-        if name in named or test.size >= TIES.faint:
+        if name in named or test.size >= CHANCE.rare:
             continue
         own = [gauge for gauge in KINDS[name].ties if _of_rig(gauge.partners)]
-        if test.raw > TIES.faint and own:
+        if test.raw > CHANCE.rare and own:
             what = " and ".join(part.removeprefix("rig.") for part in _of_rig(own[0].partners))
             out[name] = f"at typical size a refit of {what} takes it up ({own[0].gauge}); {own[0].breaks}"
         else:

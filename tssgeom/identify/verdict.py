@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tssgeom.core.constants import CHANCE
 from tssgeom.effects import KINDS
 from tssgeom.identify.finding import Candidate, Estimate, Misfit, Verdict
 from tssgeom.identify.fit import Fit, Problem
@@ -59,8 +60,6 @@ class VerdictLimits:
     """Of the detection limit: rms that may be left of any channel [1]; chosen on development seeds."""
     share: float = 0.1
     """Of what was left without any part: a larger rest has no name [1]; chosen on development seeds."""
-    bent: float = 5.5
-    """S.d. that a cell may be bent beyond its specification [1]; chosen on development seeds."""
 
 
 VERDICT = VerdictLimits()
@@ -139,7 +138,7 @@ def _bent(chosen: Selection, names: tuple[str, ...]) -> str:
     size = np.abs(chosen.problem.whitening.shared(chosen.fit.left))
     bends = [(float(v), name) for name, v in zip(names, size, strict=True) if name.startswith("bend ")]
     worst, name = max(bends, default=(0.0, ""))
-    if worst <= VERDICT.bent:
+    if worst <= CHANCE.never:
         return ""
     return f"{name.split(' of ', 1)[1]} is bent {worst:.0f} times as far as specified"
 

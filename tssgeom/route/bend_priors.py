@@ -18,9 +18,6 @@ from tssgeom.route.error_posterior import GRID
 class Oscillation:
     """Which waves of the curvature are tried."""
 
-    lengths: int = 6
-    """Wave lengths from two half waves over the route to two from point to point. Chosen: a factor of 2.1
-    apart at most."""
     typical: float = 6.0
     """Half waves over a route [1]. Chosen: routes of tendons have two to twelve bends."""
     decades: float = 0.3
@@ -96,7 +93,7 @@ def walk(order: int, turn: float) -> Prior:
 def oscillations(points: int) -> tuple[Prior, ...]:
     """Return curvature that oscillates, by the wave lengths that points do not exclude; (229), (270)."""
     none = np.zeros((GRID.nodes, 0))
-    half_waves = _FEWEST * _apart(points) ** np.arange(OSCILLATION.lengths)
+    half_waves = _FEWEST * _apart(points) ** np.arange(GRID.lengths)
     share = -0.5 * (np.log10(half_waves / OSCILLATION.typical) / OSCILLATION.decades) ** 2
     share -= math.log(np.exp(share).sum())
     return tuple(
@@ -108,7 +105,7 @@ def oscillations(points: int) -> tuple[Prior, ...]:
 def _apart(points: float) -> float:
     """Return the ratio of neighbouring wave lengths that are tried."""
     most = _MOST * max(points - 1.0, 1.0)
-    return max(most / _FEWEST, 1.0) ** (1.0 / (OSCILLATION.lengths - 1))
+    return max(most / _FEWEST, 1.0) ** (1.0 / (GRID.lengths - 1))
 
 
 @cache

@@ -8,17 +8,7 @@ import numpy as np
 
 from tssgeom.arrays import Points, Vector
 from tssgeom.errors import ShapeError
-
-
-@dataclass(frozen=True, slots=True)
-class DirectionLimits:
-    """Which sensed directions can be tangents of the route."""
-
-    off_unit: float = 0.05
-    """Difference of the length of a direction from 1 above which the frame is refused [1]. Chosen."""
-
-
-LIMITS = DirectionLimits()
+from tssgeom.plausibility.limits import LIMITS
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,8 +22,6 @@ class DirectionNoisePrior:
     outweigh it; too small a noise does more harm."""
     rounds: int = 4
     """Fits, each with the noise of the one before. Chosen: the last changes it by a few per cent."""
-    kept: float = 0.05
-    """Relative change of the noise that makes no new fit. Chosen."""
 
 
 NOISE_PRIOR = DirectionNoisePrior()
@@ -80,7 +68,7 @@ def unit_directions(directions: Points, points: Points) -> Points:
     if d.shape != points.shape:
         raise ShapeError(f"directions have shape {d.shape} for {len(points)} points: give one row for each")
     size = np.linalg.norm(d, axis=1)
-    wrong = np.flatnonzero(np.abs(size - 1.0) > LIMITS.off_unit)
+    wrong = np.flatnonzero(np.abs(size - 1.0) > LIMITS.slight)
     if wrong.size:
         raise ShapeError(
             f"direction {wrong[0]} has length {size[wrong[0]]:.3g}: "

@@ -10,6 +10,7 @@ import numpy as np
 
 from tssgeom import core
 from tssgeom.arrays import Matrix, Points, Vector, read_only
+from tssgeom.core.constants_arcs import CHAIN_FIT
 from tssgeom.errors import FitError, ShapeError
 from tssgeom.route.model_check import TrackedFit, model_checked
 from tssgeom.route.model_choice import added_variance, model_probabilities
@@ -23,8 +24,6 @@ from tssgeom.route.tracking import follow
 class MarkerRounds:
     """How the axes at the markers are determined."""
 
-    most: int = 40
-    """Most rounds. Chosen: a route of 250° takes thirty."""
     step: float = 0.5
     """Share of the change of the points that is made at once [1]. Chosen: all of it may swing."""
     converged: float = 1e-3
@@ -111,9 +110,9 @@ def _fitted(
 ) -> tuple[Shape, TrackedFit]:
     """Move the points onto the route and fit it in turn, until both agree."""
     if last is None:
-        aside, most = _straight(shape, offset, axis), ROUNDS.most
+        aside = _straight(shape, offset, axis)
         limit = ROUNDS.converged * float(np.abs(offset).max())
-        for _ in range(most):
+        for _ in range(CHAIN_FIT.most_steps):  # a route of 250° takes thirty
             route = fit(on_chords(_less(shape, aside)), noise).route
             change = _aside(route, shape, offset, axis) - aside
             if float(np.abs(change).max()) <= limit:

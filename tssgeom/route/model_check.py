@@ -16,6 +16,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from tssgeom.arrays import Vector
+from tssgeom.core.constants_arcs import CHAIN_MOVES
 from tssgeom.core.constants_route import PASSES
 from tssgeom.errors import FitError
 from tssgeom.route.arcs.chain import Chain, Data, fit_fixed_pieces
@@ -60,8 +61,6 @@ class TrackingSchedule:
     """Frames after which the other estimator is tried. Chosen: by latency."""
     longest_interval: int = 512
     """The same where the other was far behind again and again [frames]. Chosen."""
-    work: int = 2000
-    """Work of a check after one frame, as its steps count it [visits of a point]. Chosen: 0.2 ms."""
     moves: int = 2
     """Moves of a candidate chain in one check. Chosen: by latency."""
 
@@ -159,7 +158,7 @@ class TrackedFit:
         if check is None:
             return self
         # joints are tried at once: those of a route that slides are soon wrong
-        work = math.inf if check.candidate == "joints" else SCHEDULE.work
+        work = math.inf if check.candidate == "joints" else CHAIN_MOVES.work_of_any
         return replace(self, run=CheckRun(_steps(check, self), work), frames=0, due=True)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from tssgeom import core
 from tssgeom.arrays import Points, Vector
 from tssgeom.errors import ShapeError
+from tssgeom.plausibility.limits import LIMITS
 from tssgeom.result import Result
 
 
@@ -18,8 +19,6 @@ class StationLimits:
 
     chords: int = 8
     """Chords into which a route is cut for the comparison. Chosen: so few that noise lengthens none."""
-    warning: float = 1.05
-    """Chords over their stations above which a warning is due [1]. Derived: 1, and an allowance for noise."""
     refusal: float = 2.0
     """Chords over their stations, and the length by stations or by a fit over the path from point to point,
     above which the frame is refused [1]. Chosen: a wrong unit or column, or an arc of 3.8 rad on a chord."""
@@ -113,7 +112,7 @@ def station_warnings(points: Points, known: Vector) -> tuple[str, ...]:
         raise ShapeError(
             f"stations over {known[-1]:.3g} m for points along {path:.3g} m: check the unit of the stations"
         )
-    if over > STATIONS.warning:
+    if over > 1.0 + LIMITS.slight:
         return (f"the points lie {over - 1:.0%} farther apart than their stations: check both",)
     return ()
 
@@ -121,6 +120,6 @@ def station_warnings(points: Points, known: Vector) -> tuple[str, ...]:
 def stretched(route: Route) -> str | None:
     """Return a warning where stations lie farther apart than the route of many points goes along them."""
     path, length = float(np.sum(step_lengths(route.position))), float(route.s[-1])
-    if length <= STATIONS.warning * path:
+    if length <= (1.0 + LIMITS.slight) * path:
         return None
     return f"the stations lie {length / path - 1.0:.0%} farther apart than their points: check both"

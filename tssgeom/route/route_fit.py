@@ -336,4 +336,4 @@ def turns_unobserved(points: Points, weight: Vector, stations: Vector, turned: V
     """
     length = stations[-1] - stations[0]
     detour = length > STATIONS.refusal * core.path_length(points, weight)[1]
-    return bool(detour or np.diff(turned[weight > 0.0]).max() > CHAIN_FIT.most_turn_unobserved)
+    return bool(detour or np.diff(turned[weight > 0.0]).max() > 2.0 * CHAIN_FIT.most_turn)

@@ -20,6 +20,7 @@ from tssgeom.core.constants import CHANCE, ROUNDING
 from tssgeom.core.constants_route import OUTLIERS
 from tssgeom.route.directions import NOISE_PRIOR, listed
 from tssgeom.route.observations import MIN_POINTS
+from tssgeom.statistics import EVEN
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,10 +37,9 @@ class FilterLimits:
     constant_share: float = 0.2
     """Least share of a stated variance that counts as constant in time [1]. Chosen: what changes is known to
     some 10 % after a few frames."""
-    stands: float = 0.5
-    """Probability from which a route is taken to stand [1]. Chosen."""
     moves: float = 0.01
-    """The same below which a fibre is taken to move [1]. Chosen: one component needs frames to show it."""
+    """Probability that it stands below which a fibre is taken to move [1]. Chosen: one component needs frames
+    to show it."""
     exchanged: float = 0.1
     """Squared distances of two points that are exchanged over those as they came [1]. Chosen."""
 
@@ -103,7 +103,7 @@ class PointFilter(NamedTuple):
         """Whether the route stands; None where that is not known yet."""
         if self.interval == 0.0:
             return None
-        if self.standing > FILTER.stands:
+        if self.standing > EVEN:
             return True
         return None if self.turning is not None and self.standing > FILTER.moves else False
 

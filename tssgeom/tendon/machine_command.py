@@ -35,8 +35,6 @@ from tssgeom.tendon.machine_history import MachineHistory, Turning
 class CommandSettings:
     """How the angle of a motor is searched for."""
 
-    close: float = 1e-7
-    """Angle of the joint that may be missed [rad]; chosen: below what any encoder resolves."""
     first: float = 1e-3
     """First step of the search [rad]; chosen."""
     farthest: float = 100.0
@@ -213,7 +211,7 @@ class _EndPlay:
 
     def joint_for(self, target: float) -> float:
         """Return where the joint has to be for a reading [rad]."""
-        if self._width > 0.0 and abs(target - self._engaged) <= COMMAND.close:
+        if self._width > 0.0 and abs(target - self._engaged) <= SOLVER.accepted:
             return self._joint
         return target - self._width * (target < self._engaged)
 
@@ -243,7 +241,7 @@ class _Sample:
     def is_dead(self, near: float, angle: float, was: float, width: float) -> bool:
         """Whether the joint does not follow the motor towards an angle at first, or has a play to cross."""
         way = math.copysign(1.0, angle - near)
-        if way * (near - was) + max(-way, 0.0) * width > COMMAND.close:
+        if way * (near - was) + max(-way, 0.0) * width > SOLVER.accepted:
             return True
         step = min(COMMAND.first, abs(angle - near))
         by = self.at(near + way * step)[0] - self.at(near)[0]
@@ -276,7 +274,7 @@ class _Sample:
         if pull(motor) <= most * (1.0 + ROUNDING.relative):
             return motor
         good, bad = was, motor
-        while abs(bad - good) > COMMAND.close:
+        while abs(bad - good) > SOLVER.accepted:
             middle = 0.5 * (good + bad)
             good, bad = (middle, bad) if pull(middle) <= most else (good, middle)
         return good
@@ -318,7 +316,7 @@ class _Sample:
         joint, trace, state = self.with_motor_at(near)
         off = joint - self.target
         best = (near, trace, state)
-        if abs(off) <= COMMAND.close:
+        if abs(off) <= SOLVER.accepted:
             return *best, True
         way, low, step = (-1.0 if off > 0.0 else 1.0), near, COMMAND.first
         high = near
@@ -328,7 +326,7 @@ class _Sample:
             if trace is None or abs(high) > COMMAND.farthest:
                 return *best, False
             best = (high, trace, state)
-            if abs(there) <= COMMAND.close:
+            if abs(there) <= SOLVER.accepted:
                 return *best, True
             if there * off < 0.0:
                 break
@@ -340,7 +338,7 @@ class _Sample:
             if trace is None or middle in (low, high):
                 break
             best = (middle, trace, state)
-            if abs(there) <= COMMAND.close:
+            if abs(there) <= SOLVER.accepted:
                 return *best, True
             low, high = (middle, high) if there * off > 0.0 else (low, middle)
-        return *best, abs(there) <= 1e3 * COMMAND.close
+        return *best, abs(there) <= 1e3 * SOLVER.accepted

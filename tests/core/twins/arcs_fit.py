@@ -222,11 +222,11 @@ def turn_is_identifiable(data, chain):
             continue
         turned, j = _turned_to(s[i], here, j, joints, bend)
         wide = before >= 0 and s[i] - s[before] > CHAIN_FIT.wide * data.spacing
-        if before >= 0 and not turned < (CHAIN_FIT.most_turn_unobserved if wide else CHAIN_FIT.most_turn):
+        if before >= 0 and not turned < (2.0 * CHAIN_FIT.most_turn if wide else CHAIN_FIT.most_turn):
             return False
         before, here = i, s[i]
     turned, _ = _turned_to(max(s[-1], joints[-1]), here, j, joints, bend)  # the end, where no point counts
-    return turned < CHAIN_FIT.most_turn_unobserved
+    return turned < 2.0 * CHAIN_FIT.most_turn
 
 
 def _turned_to(there, here, j, joints, bend):

@@ -358,7 +358,7 @@ def equilibrium(chain, hanging, before, patience):
             _relax(chain, w, 20 * 4**attempt)
             _tensions(chain, w, tension)
             _judge(chain, w, tension, slip, tight, True)
-        for _ in range(SOLVER.markings):
+        for _ in range(SOLVER.from_guess):
             solves += _nested(chain, slip, tight, w, ratios, 0.01 * accepted)
             _tensions(chain, w, tension)
             residual = _judge(chain, w, tension, slip, tight, False)

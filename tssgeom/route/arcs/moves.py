@@ -10,7 +10,7 @@ import numpy as np
 
 from tssgeom import core
 from tssgeom.core.constants import ROUNDING
-from tssgeom.core.constants_arcs import CHAIN_MOVES
+from tssgeom.core.constants_arcs import CHAIN_MOVES, CHAIN_PARAMETERS
 from tssgeom.route.arcs.chain import (
     Chain,
     Data,
@@ -104,7 +104,7 @@ def simpler_tried(data: Data, chain: Chain, unlikely: slice = _ALL) -> Iterator[
     """
     promised = _simplifications(data, chain)
     yield Trial(work_of_promises(data, chain), None)
-    now, latest = criterion(data, chain), information_price(CHAIN_MOVES.joint_parameters, value_count(data))
+    now, latest = criterion(data, chain), information_price(CHAIN_PARAMETERS.joint, value_count(data))
     promise = np.array([each[0] for each in promised])
     order = [i for i in np.argsort(promise)[: CHAIN_MOVES.trials].tolist() if promise[i] < latest]
     for i in _tried(order, [bool(promise[i] < 0.0) for i in order], unlikely):
@@ -119,7 +119,7 @@ def finer_tried(data: Data, chain: Chain, unlikely: slice = _ALL) -> Iterator[Tr
     yield Trial(work_of_promises(data, chain), None)
     price, now = information_price(1.0, value_count(data)), criterion(data, chain)
     order = [j for j in np.argsort(-saved)[: CHAIN_MOVES.trials].tolist() if saved[j] > price]
-    sure = [bool(saved[j] > CHAIN_MOVES.joint_parameters * price) for j in order]
+    sure = [bool(saved[j] > CHAIN_PARAMETERS.joint * price) for j in order]
     for j in _tried(order, sure, unlikely):
         where = float(chain.joints[j]) + piece_length(chain, j) * int(part[j]) / CHAIN_MOVES.parts
         yield fit_candidate(data, _split(chain, j, where), now)

@@ -9,7 +9,7 @@ import numpy as np
 
 from tssgeom import core
 from tssgeom.arrays import Matrix, Points, Vector, read_only
-from tssgeom.core.constants_arcs import CHAIN_MOVES
+from tssgeom.core.constants_arcs import CHAIN_PARAMETERS
 from tssgeom.core.constants_route import STAIRCASE
 from tssgeom.route.arcs.chain import form_of
 from tssgeom.route.curvature import CurvatureProfile
@@ -128,7 +128,7 @@ def _staircase(curve: FibreCurve, v: Vector, freedom: float, count: int) -> np.n
     mean = 0.5 * (curve.bend[1:] + curve.bend[:-1])
     floor = (STAIRCASE.least_step * np.max(np.linalg.norm(curve.bend, axis=1))) ** 2
     weight = freedom * cell / curve.s[-1] / np.maximum(0.5 * (v[1:] + v[:-1]) + floor, 1e-300)
-    penalty = CHAIN_MOVES.joint_parameters * math.log(max(count, 2))
+    penalty = CHAIN_PARAMETERS.joint * math.log(max(count, 2))
     pieces, joints = core.best_partition(mean, weight, penalty)
     return joints[: pieces + 1]
 
