@@ -71,7 +71,7 @@ def compensate(
     )
     from pipelines.summary_table import with_effects
     from tssgeom.io.formats.columns import CHANNELS
-    from tssgeom.io.results.tables import write_commands
+    from tssgeom.io.results.tables import commands_table, write_table
     from tssgeom.tendon import simulation
     from tssgeom.tendon.commander import commander_of
 
@@ -112,7 +112,7 @@ def compensate(
         title = f"{sensed.name} follows {run.name}"
         commands = computed_rows(rows, run, shapes, title, quiet=quiet or as_json)
         warn_about_strain(target, sensed, settings.rig, max(one.tension_in for one in commands))
-        write_commands(out / TABLE, run.time.tolist(), commands)
+        write_table(out / TABLE, commands_table(run.time.tolist(), commands))
         files = [(out / TABLE).as_posix()]
         if figures is not None:
             files += [(figures / file).as_posix() for file in _write_figure(figures, run, channel, commands)]
@@ -124,7 +124,7 @@ def compensate(
         if as_json:
             summary: Compensated = {
                 "shape": sensed.name,
-                "rejected": sensed.rejected,
+                "rejected": len(sensed.rejected),
                 "run": run.name,
                 "target": channel,
                 "rows": len(commands),

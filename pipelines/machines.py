@@ -12,7 +12,7 @@ from tssgeom.arrays import Vector
 
 if TYPE_CHECKING:
     from pipelines.inputs import RunSettings
-    from pipelines.runs import SensedRoute
+    from tssgeom.api.inputs import SensedFrames
     from tssgeom.api.machine_calls import MachineChannels
     from tssgeom.io.formats.runs import MeasuredRun
     from tssgeom.tendon.commander import Policy
@@ -93,13 +93,14 @@ def compensate_machine(
     return 1 if sensed.rejected or done.warnings else 0
 
 
-def _machine(shapes: Path | None, sensed: SensedRoute, settings: RunSettings) -> Machine:
+def _machine(shapes: Path | None, sensed: SensedFrames, settings: RunSettings) -> Machine:
     """Return the rig on a shape, the same for all tendons; of a recording on its first one."""
     from tssgeom.api.machine_calls import machine_on
 
-    if len(sensed.results) > 1:
+    first, *others = sensed.results
+    if others:
         print_message(f"{shapes}: warning: a machine stands on one route: the first frame is used")
-    return machine_on([sensed.results[0].arcs], settings.rig)
+    return machine_on([first.arcs], settings.rig)
 
 
 def _write_figures(folder: Path | None, title: str, run: MeasuredRun, done: MachineChannels) -> list[Path]:
@@ -114,7 +115,7 @@ def _write_figures(folder: Path | None, title: str, run: MeasuredRun, done: Mach
     return [folder / file for file in write_figures(folder, run.name, {"machine": draw})]
 
 
-def _write_picture(path: Path, name: str, sensed: SensedRoute, done: MachineChannels) -> None:
+def _write_picture(path: Path, name: str, sensed: SensedFrames, done: MachineChannels) -> None:
     from tssgeom.summary import LIMITS as SUMMARY
     from tssgeom.view.samples import evenly, route_samples
     from tssgeom.view.scene.machine import write_machine_recording

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
 
@@ -14,12 +14,11 @@ from pipelines.figures import write_figures
 from pipelines.inputs import RunSettings, opened, print_reading, rejection_lines
 from pipelines.terminal import counted_progress, print_message
 from tssgeom.analysis import even_bend
-from tssgeom.api.inputs import sensed_frames
+from tssgeom.api.inputs import SensedFrames, sensed_frames
 from tssgeom.arrays import Vector
 from tssgeom.effects import named
 from tssgeom.errors import TssgeomError
 from tssgeom.io.formats.columns import CHANNELS
-from tssgeom.io.formats.paths import stem
 from tssgeom.io.formats.runs import MeasuredRun, read_run
 from tssgeom.plausibility.frames import strain_remarks
 from tssgeom.plausibility.rules import warnings_of
@@ -30,7 +29,6 @@ from tssgeom.stream import FrameResult
 from tssgeom.summary import LIMITS as SUMMARY
 from tssgeom.tendon.history import last_peak
 from tssgeom.tendon.machine import route_of_rig
-from tssgeom.tendon.moving import MovingRoute
 from tssgeom.tendon.simulation import Moment
 from tssgeom.view.samples import evenly
 
@@ -77,27 +75,6 @@ def measured_run(path: Path, settings: RunSettings) -> MeasuredRun:
     return run
 
 
-@dataclass(frozen=True, slots=True)
-class SensedRoute:
-    """The route of a shape, or of a recording over time."""
-
-    name: str
-    results: Sequence[FrameResult]
-    rejected: int
-    """Frames that could not be used."""
-
-    @property
-    def route(self) -> MovingRoute:
-        """The route at any time."""
-        times = np.array([result.frame.time for result in self.results])
-        return MovingRoute(times, [result.arcs for result in self.results])
-
-    def nearest(self, time: float) -> FrameResult:
-        """Return the frame nearest to a time [s]."""
-        times = np.array([result.frame.time for result in self.results])
-        return self.results[int(np.argmin(np.abs(times - time)))]
-
-
 def warn_about_unused(run: MeasuredRun, used: str, names: Sequence[str]) -> None:
     """Warn of other columns that could have served in the same way."""
     for name in names:
@@ -105,7 +82,7 @@ def warn_about_unused(run: MeasuredRun, used: str, names: Sequence[str]) -> None
             print_message(f"{run.path}: warning: {name} is not used beside {used}: leave one out")
 
 
-def check_run(run: MeasuredRun, sensed: SensedRoute, rig: Rig) -> None:
+def check_run(run: MeasuredRun, sensed: SensedFrames, rig: Rig) -> None:
     """Print the warnings of a run that drives, or is to be followed, on the longest of its routes.
 
     Raises
@@ -132,14 +109,14 @@ def print_run_warnings(run: MeasuredRun, rig: Rig, arcs: Arcs, *, fitted: bool) 
     return warnings
 
 
-def warn_about_strain(run: Path, sensed: SensedRoute, rig: Rig, tension_in: float) -> None:
+def warn_about_strain(run: Path, sensed: SensedFrames, rig: Rig, tension_in: float) -> None:
     """Warn where the rig hardly fits the longest route and the greatest tension [N] of a run."""
     longest = max(result.arcs.total_length for result in sensed.results)
     for each in strain_remarks(rig, longest, tension_in):
         print_message(f"{run}: warning: {each.text}")
 
 
-def sensed_route(path: Path | None, settings: RunSettings) -> SensedRoute:
+def sensed_route(path: Path | None, settings: RunSettings) -> SensedFrames:
     """Fit the route of every frame of a file, and print the reasons of those that are rejected.
 
     Where there is no file the route is the even bend that the rig gives.
@@ -152,11 +129,11 @@ def sensed_route(path: Path | None, settings: RunSettings) -> SensedRoute:
         Where there is neither file nor a route in the rig.
     """
     if path is None:
-        return SensedRoute("route", [even_bend(route_of_rig(settings.rig))], 0)
+        return SensedFrames("route", (even_bend(route_of_rig(settings.rig)),), ())
     sensed = sensed_frames(opened(path, settings), settings.rig)
     for line in rejection_lines(str(path), sensed.rejected, len(sensed.rejected)):
         print_message(line)
-    return SensedRoute(stem(path), sensed.results, len(sensed.rejected))
+    return sensed
 
 
 def computed_rows(
@@ -192,7 +169,9 @@ def temperature_of(run: MeasuredRun, settings: RunSettings) -> Vector | None:
     return run.channel((TEMPERATURE,))[1] if needing and run.temperature is not None else None
 
 
-def write_run_recording(path: Path, sensed: SensedRoute, run: MeasuredRun, moments: Sequence[Moment]) -> None:
+def write_run_recording(
+    path: Path, sensed: SensedFrames, run: MeasuredRun, moments: Sequence[Moment]
+) -> None:
     """Write the Rerun recording of a run, on the frames nearest in time.
 
     Raises
@@ -208,7 +187,7 @@ def write_run_recording(path: Path, sensed: SensedRoute, run: MeasuredRun, momen
 
 
 def write_run_figures(
-    folder: Path, sensed: SensedRoute, run: MeasuredRun, moments: Sequence[Moment]
+    folder: Path, sensed: SensedFrames, run: MeasuredRun, moments: Sequence[Moment]
 ) -> list[str]:
     """Write the figures of a run, those of one frame at the last of its highest peaks of T_in.
 
@@ -234,7 +213,7 @@ def write_run_figures(
     return write_figures(folder, f"{sensed.name}_{run.name}", figures_of(result, series))
 
 
-def _result_at(sensed: SensedRoute, run: MeasuredRun, moment: Moment, row: int) -> FrameResult:
+def _result_at(sensed: SensedFrames, run: MeasuredRun, moment: Moment, row: int) -> FrameResult:
     """Return the frame nearest to a moment of the run, with the tendon of that moment."""
     nearest = sensed.nearest(moment.time)
     frame = replace(

@@ -17,7 +17,7 @@ from pipelines.terminal import print_json, print_line, print_table
 from tssgeom.view.figures.style import choose
 
 if TYPE_CHECKING:
-    from pipelines.runs import SensedRoute
+    from tssgeom.api.inputs import SensedFrames
     from tssgeom.io.formats.runs import MeasuredRun
     from tssgeom.io.results.keys.runs import Simulated
     from tssgeom.tendon.simulation import Moment
@@ -72,7 +72,7 @@ def simulate(
     from pipelines.summary_table import with_effects
     from tssgeom.atomic import replacing_all
     from tssgeom.errors import SettingsError
-    from tssgeom.io.results.tables import write_simulation
+    from tssgeom.io.results.tables import simulation_table, write_table
     from tssgeom.tendon import simulation
 
     choose(style)
@@ -116,7 +116,7 @@ def simulate(
         moments = computed_rows(rows, run, shapes, title, quiet=quiet or as_json)
         warn_about_strain(drive, sensed, settings.rig, max(one.transmission.tension_in for one in moments))
         with replacing_all(out) as draft:  # no table without its pictures
-            write_simulation(draft / TABLE, moments)
+            write_table(draft / TABLE, simulation_table(moments))
             write_run_recording(draft / PICTURE, sensed, run, moments)
             if figures is not None:
                 write_run_figures(figures, sensed, run, moments)
@@ -130,7 +130,7 @@ def simulate(
 
 
 def summary(
-    sensed: SensedRoute, run: MeasuredRun, drive: str, moments: Sequence[Moment], out: Path
+    sensed: SensedFrames, run: MeasuredRun, drive: str, moments: Sequence[Moment], out: Path
 ) -> Simulated:
     """Return the object that `--json` prints: ranges over the run, rows in each phase, files."""
     from pipelines.runs import value_range
@@ -139,7 +139,7 @@ def summary(
     return {
         "shape": sensed.name,
         "frames": len(sensed.results),
-        "rejected": sensed.rejected,
+        "rejected": len(sensed.rejected),
         "run": run.name,
         "drive": drive,
         "rows": len(moments),

@@ -47,7 +47,8 @@ def simulate_adapt(
     from pipelines.runs import check_run, errors_naming, measured_run, outputs, sensed_route
     from tssgeom.adapt.offline import RunFollower
     from tssgeom.errors import require_replaceable
-    from tssgeom.io.results.followed import write_alerts, write_followed, write_numbers
+    from tssgeom.io.results.followed import followed_table, write_alerts, write_numbers
+    from tssgeom.io.results.tables import write_table
     from tssgeom.view.figures.adapt import followed_figure
 
     if write_rig is not None:
@@ -72,7 +73,7 @@ def simulate_adapt(
                 f"{drive}: warning: {followed.lost} rows are left out: no equilibrium of the tendon"
             )
         out.mkdir(parents=True, exist_ok=True)
-        write_followed(out / RUN, followed)
+        write_table(out / RUN, followed_table(followed))
         write_numbers(out / NUMBERS, followed)
         write_alerts(out / ALERTS, followed)
         draw = partial(followed_figure, followed, *_channel_beside_drive(run, channel, followed))

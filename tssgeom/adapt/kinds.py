@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from typing import Any, ClassVar, NamedTuple
 
 import msgspec
 import numpy as np
 
-from tssgeom.adapt.diagnosis import OF_TENDON, Explanation, explained
+from tssgeom.adapt.diagnosis import OF_TENDON, Explanation, Means, explained
 from tssgeom.adapt.followed import followed_numbers
 from tssgeom.adapt.followed_machine import FollowedMachine
 from tssgeom.adapt.followed_tendon import FollowedTendon, memory_on
@@ -49,22 +49,41 @@ class AssumedNoise(NamedTuple):
 _ASSUMED = AssumedNoise()
 
 
-_NOISY = (*CHANNELS, "displacement_in_m")
-
-
 @dataclass(slots=True)
-class OfTendon:
-    """One tendon is followed."""
+class _Followed:
+    """What is followed."""
 
     rig: Rig
     """As its file has it."""
-    channels: tuple[str, ...] = CHANNELS
+    channels: tuple[str, ...] = ()
+    noisy: tuple[str, ...] = ()
+    """Channels that have a noise."""
     measured: tuple[str, ...] = ()
-    """Channels that the first frame measured."""
+    """Channels that the first frame measured, of a machine but for its drive."""
+    means: ClassVar[Means]
 
     def with_noise(self) -> tuple[Rig, frozenset[str]]:
         """Return the rig with a noise of each channel, and the channels for which it is assumed."""
-        return with_noise(self.rig, _NOISY)
+        return with_noise(self.rig, self.noisy)
+
+    def captured(self, now: Any, sensed: Arcs, coldest: float) -> SavedFilter:
+        """Return what a filter needs to go on."""
+        return captured(now, self.with_noise()[0], sensed, self.measured, coldest)
+
+    def explained(
+        self, start: Any, moments: Sequence[Moment], since: float
+    ) -> Iterator[tuple[Explanation, ...] | None]:
+        """Yield None after each slice of work, and at last what explains a disagreement."""
+        return explained(start, moments, since, self.means)
+
+
+@dataclass(slots=True)
+class OfTendon(_Followed):
+    """One tendon is followed."""
+
+    channels: tuple[str, ...] = CHANNELS
+    noisy: tuple[str, ...] = (*CHANNELS, "displacement_in_m")
+    means: ClassVar[Means] = OF_TENDON
 
     def carried(self) -> FollowedTendon:
         """Return what streams carry."""
@@ -90,7 +109,7 @@ class OfTendon:
     def given(self, readings: Any) -> frozenset[str]:
         """Return the channels that were measured."""
         values = readings._asdict()
-        return frozenset(name for name in _NOISY if values[name.rpartition("_")[0]] is not None)
+        return frozenset(name for name in self.noisy if values[name.rpartition("_")[0]] is not None)
 
     def drive(self, readings: Any) -> float:
         """Return where the drive was [m] or [N]."""
@@ -100,33 +119,15 @@ class OfTendon:
         """Return a rig with what its file states of the sensors."""
         return msgspec.structs.replace(rig, sensors=self.rig.sensors)
 
-    def captured(self, now: Any, sensed: Arcs, coldest: float) -> SavedFilter:
-        """Return what a filter needs to go on."""
-        return captured(now, self.with_noise()[0], sensed, self.measured, coldest)
-
-    def explained(
-        self, start: Any, moments: Sequence[Moment], since: float
-    ) -> Iterator[tuple[Explanation, ...] | None]:
-        """Yield None after each slice of work, and at last what explains a disagreement."""
-        return explained(start, moments, since, OF_TENDON)
-
 
 @dataclass(slots=True)
-class OfMachine:
+class OfMachine(_Followed):
     """A machine is followed."""
 
-    rig: Rig
-    """As its file has it."""
-    channels: tuple[str, ...] = field(init=False)
-    measured: tuple[str, ...] = ()
-    """Channels that the first frame measured, but for its drive."""
+    means: ClassVar[Means] = OF_MACHINE
 
     def __post_init__(self) -> None:
-        self.channels = channels_read(self.rig)
-
-    def with_noise(self) -> tuple[Rig, frozenset[str]]:
-        """Return the rig with a noise of each channel, and the channels for which it is assumed."""
-        return with_noise(self.rig, self.channels)
+        self.channels = self.noisy = channels_read(self.rig)
 
     def carried(self) -> FollowedMachine:
         """Return what streams carry."""
@@ -167,16 +168,6 @@ class OfMachine:
         }
         kept = {name: one for name, one in followed.items() if name in self.rig.sensors or one != Sensor()}
         return msgspec.structs.replace(rig, sensors=kept)
-
-    def captured(self, now: Any, sensed: Arcs, coldest: float) -> SavedFilter:
-        """Return what a filter needs to go on."""
-        return captured(now, self.with_noise()[0], sensed, self.measured, coldest)
-
-    def explained(
-        self, start: Any, moments: Sequence[Moment], since: float
-    ) -> Iterator[tuple[Explanation, ...] | None]:
-        """Yield None after each slice of work, and at last what explains a disagreement."""
-        return explained(start, moments, since, OF_MACHINE)
 
 
 def kind_of(rig: Rig) -> OfTendon | OfMachine:

@@ -164,6 +164,7 @@ def uncertain_rig_of(rig: RigGiven, *, may_be_unknown: bool = False) -> tuple[Ri
 class SensedFrames:
     """The routes of a shape, or of a recording over time."""
 
+    name: str
     results: tuple[FrameResult, ...]
     rejected: tuple[Rejected, ...]
     """Frames that could not be used."""
@@ -173,6 +174,11 @@ class SensedFrames:
         """The route at any time."""
         times = np.array([result.frame.time for result in self.results])
         return MovingRoute(times, [result.arcs for result in self.results])
+
+    def nearest(self, time: float) -> FrameResult:
+        """Return the frame nearest to a time [s]."""
+        times = np.array([result.frame.time for result in self.results])
+        return self.results[int(np.argmin(np.abs(times - time)))]
 
 
 def sensed_frames(recording: Recording, rig: Rig) -> SensedFrames:
@@ -191,7 +197,7 @@ def sensed_frames(recording: Recording, rig: Rig) -> SensedFrames:
     if not results:
         reason = rejected[0].reason if rejected else "it holds no frame"
         raise ShapeError(f"{recording.path}: no frame can be used; the first: {reason}")
-    return SensedFrames(results, rejected)
+    return SensedFrames(recording.name, results, rejected)
 
 
 _NO_DRIVE = dict.fromkeys(

@@ -47,8 +47,7 @@ class Presentation(NamedTuple):
 _MODULES = {
     "of_frames": "Arcs CurvatureProfile Frame FrameResult Recording Route RouteFit",
     "of_runs": "Command Compensation FollowedRun MeasuredRun RecordingResult Simulation",
-    "of_machines": "MachineCalibration MachineChannels",
-    "of_findings": "Calibration Finding",
+    "of_findings": "Calibration Finding MachineCalibration MachineChannels",
 }
 _MODULE_OF = {name: f"tssgeom.api.{module}" for module, names in _MODULES.items() for name in names.split()}
 

@@ -292,19 +292,20 @@ def misfits(runs: Sequence[Trace]) -> Misfit:
     held = [trace for trace in runs if trace.held_out]
     displayed = held or fitted
     return Misfit(
-        noise={name: _trace_rms(runs, name, "sigma") for name in _channels(runs)},
+        noise={name: _trace_rms(runs, name, "sigma") for name in measured_channels(runs)},
         before={"fitted": _left(fitted, "before"), "held_out": _left(held, "before")},
         after={"fitted": _left(fitted, "after"), "held_out": _left(held, "after")},
-        by_phase={name: _by_phase(displayed, name) for name in _channels(displayed)},
+        by_phase={name: _by_phase(displayed, name) for name in measured_channels(displayed)},
     )
 
 
-def _channels(runs: Sequence[Trace]) -> list[str]:
+def measured_channels(runs: Sequence[Trace]) -> list[str]:
+    """Return every channel that a run measured, each once."""
     return list(dict.fromkeys(name for trace in runs for name in trace.measured))
 
 
 def _left(runs: Sequence[Trace], which: str) -> dict[str, float]:
-    return {name: _trace_rms(runs, name, which) for name in _channels(runs)}
+    return {name: _trace_rms(runs, name, which) for name in measured_channels(runs)}
 
 
 def _parts(runs: Sequence[Trace], name: str, which: str) -> list[Vector]:

@@ -9,12 +9,16 @@ import math
 import os
 import re
 import zipfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from functools import lru_cache, wraps
 from pathlib import Path
-from typing import NamedTuple
+from typing import Concatenate, NamedTuple, ParamSpec, TypeVar
 
 from tssgeom.errors import SettingsError, ShapeError, SourceError, listed, printable, require_file, unreadable
+
+Given = ParamSpec("Given")
+Content = TypeVar("Content")
 
 MARKUPS = ".mrk.json"
 PACKED = ".gz"
@@ -112,6 +116,28 @@ def stamp_of(path: Path) -> Stamp:
     with reading(path):
         status = path.stat()
     return Stamp(status.st_ino, status.st_size, status.st_mtime_ns)
+
+
+def kept_while_unchanged(
+    read: Callable[Concatenate[Path, Given], Content],
+) -> Callable[Concatenate[Path, Given], Content]:
+    """Keep what was read of the last file until that is written anew: each part of it is an input of its own.
+
+    Raises
+    ------
+    SourceError
+        Where there is no such file.
+    """
+
+    @lru_cache(maxsize=1)
+    def kept(path: Path, stamp: Stamp, *given: Given.args, **named: Given.kwargs) -> Content:
+        return read(path, *given, **named)
+
+    @wraps(read)
+    def of_stamp(path: Path, *given: Given.args, **named: Given.kwargs) -> Content:
+        return kept(path, stamp_of(path), *given, **named)
+
+    return of_stamp
 
 
 def room() -> int:

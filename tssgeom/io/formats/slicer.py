@@ -6,7 +6,6 @@ import csv
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from functools import lru_cache
 from pathlib import Path
 
 import msgspec
@@ -15,13 +14,12 @@ import numpy as np
 from tssgeom.arrays import Points, read_only
 from tssgeom.errors import ShapeError, SourceError
 from tssgeom.io.formats.paths import (
-    Stamp,
     bytes_of,
+    kept_while_unchanged,
     require_lines,
     require_room,
     selected,
     split,
-    stamp_of,
     stem,
 )
 from tssgeom.io.formats.recording import PER_METRE, Recording, agreed_unit
@@ -100,16 +98,9 @@ def open_markups(path: Path, unit: str | None) -> Recording:
     return Recording(stem(path), path, own, "slicer", False, 1, (Frame(points),))
 
 
+@kept_while_unchanged
 def _routes(file: Path) -> tuple[list[_Markup], list[str]]:
-    """Return the curves of a file, or its point lists where it has no curve, and their names.
-
-    Those of the last file are kept, since each of them is an input of its own.
-    """
-    return _routes_once(file, stamp_of(file))
-
-
-@lru_cache(maxsize=1)
-def _routes_once(file: Path, stamp: Stamp) -> tuple[list[_Markup], list[str]]:
+    """Return the curves of a file, or its point lists where it has no curve, and their names."""
     held = _decoded(file).markups
     for kind in _ROUTES:
         if routes := [markup for markup in held if markup.type == kind]:

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from tssgeom.arrays import Points, read_only
 from tssgeom.errors import ShapeError, SourceError, first_line
-from tssgeom.io.formats.paths import Stamp, bytes_of, require_room, selected, split, stamp_of, stem
+from tssgeom.io.formats.paths import bytes_of, kept_while_unchanged, require_room, selected, split, stem
 from tssgeom.io.formats.recording import PER_METRE, Recording, agreed_unit
 from tssgeom.rig import Source
 from tssgeom.stream import Frame
@@ -82,16 +82,9 @@ def open_vtp(path: Path, unit: str | None) -> Recording:
     return Recording(stem(path), path, agreed, "vtk", False, 1, (Frame(read_only(points), source=source),))
 
 
+@kept_while_unchanged
 def _read(file: Path) -> tuple[list[Points], str | None, Source | None]:
-    """Return the points of each poly line in the file's unit, that unit if it is stated, and their source.
-
-    The last file is kept, since each of its lines is an input of its own.
-    """
-    return _read_once(file, stamp_of(file))
-
-
-@lru_cache(maxsize=1)
-def _read_once(file: Path, stamp: Stamp) -> tuple[list[Points], str | None, Source | None]:
+    """Return the points of each poly line in the file's unit, that unit if it is stated, and their source."""
     try:
         held = _parsed(file, bytes_of(file))
         data = held.root.find("PolyData")

@@ -58,17 +58,6 @@ ALERTS = pa.schema(
 """A row for each disagreement."""
 
 
-def write_followed(path: Path, run: FollowedRun) -> None:
-    """Write `adapt.parquet`: both ends in each row of the run, with standard errors.
-
-    Raises
-    ------
-    SourceError
-        Where the disk refuses.
-    """
-    write_table(path, followed_table(run))
-
-
 def followed_table(run: FollowedRun) -> pa.Table:
     """Return both ends in each row of the run, with standard errors; see `FOLLOWED`.
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from functools import lru_cache
 from pathlib import Path, PurePosixPath
 from typing import Any, TypeVar
 
@@ -14,7 +13,7 @@ from filelock import FileLock, Timeout
 
 from tssgeom.errors import SourceError, unreadable, unwritable
 from tssgeom.io.formats.files import RESULTS_MARK, UNFINISHED_MARK
-from tssgeom.io.formats.paths import Stamp, reading, split, stamp_of
+from tssgeom.io.formats.paths import kept_while_unchanged, reading, split
 from tssgeom.io.storage import Folder
 from tssgeom.rig import Rig
 
@@ -175,23 +174,20 @@ def sha256_of(path: Path) -> str:
     file, _ = split(path)
     try:
         if not file.is_dir():
-            return _sha256_once(file, stamp_of(file))
+            return _sha256(file)
         listed = [(each.relative_to(file).as_posix(), each) for each in file.rglob("*") if each.is_file()]
-        lines = "".join(f"{_sha256(each)}  {name}\n" for name, each in sorted(listed))
+        lines = "".join(f"{_digest(each)}  {name}\n" for name, each in sorted(listed))
         return hashlib.sha256(lines.encode(errors="surrogateescape")).hexdigest()
     except OSError as error:
         raise unreadable(file, error) from error
 
 
-@lru_cache(maxsize=1)
-def _sha256_once(file: Path, stamp: Stamp) -> str:
-    """Read a file once, since each of several shapes in it is an input of its own."""
-    return _sha256(file)
-
-
-def _sha256(file: Path) -> str:
+def _digest(file: Path) -> str:
     with reading(file), file.open("rb") as held:
         return hashlib.file_digest(held, "sha256").hexdigest()
+
+
+_sha256 = kept_while_unchanged(_digest)
 
 
 class Done(msgspec.Struct, frozen=True, kw_only=True):

@@ -264,17 +264,6 @@ COMPENSATE = pa.schema(
 READING = field("read_tension_in_N", "reading of the sensor of that tension, where effects distort it")
 
 
-def write_simulation(path: Path, moments: Sequence[Moment]) -> None:
-    """Write `simulate.parquet`.
-
-    Raises
-    ------
-    SourceError
-        Where the disk refuses.
-    """
-    write_table(path, simulation_table(moments))
-
-
 def simulation_table(moments: Sequence[Moment]) -> pa.Table:
     """Return the rows of a simulation, with the readings of distorted sensors; see `SIMULATE`."""
     readings = moments[0].readings if moments else {}
@@ -297,17 +286,6 @@ def simulation_row(moment: Moment) -> dict[str, Any]:
         "dead_zone_N": transmission.dead_zone_width,
         **{f"read_{name}": value for name, value in moment.readings.items()},
     }
-
-
-def write_commands(path: Path, time: Sequence[float], commands: Sequence[Command]) -> None:
-    """Write `compensate.parquet`.
-
-    Raises
-    ------
-    SourceError
-        Where the disk refuses.
-    """
-    write_table(path, commands_table(time, commands))
 
 
 def commands_table(time: Sequence[float | None], commands: Sequence[Command]) -> pa.Table:

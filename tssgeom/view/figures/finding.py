@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 
 from tssgeom.arrays import Vector
 from tssgeom.identify.finding import Candidate, Finding, LawCurve, Trace
+from tssgeom.identify.misfit import measured_channels
 from tssgeom.identify.verdict import OVER
 from tssgeom.view import finding_wording as words
 from tssgeom.view.figures.plots import BLUE, INK, ORANGE, PAGE, figure, legend_below, measured, panels, titles
@@ -119,11 +120,6 @@ def residual_figure(finding: Finding) -> Figure:
         _name_runs(rows[0], finding.traces)
         drawing.align_ylabels(rows.tolist())
     return drawing
-
-
-def measured_channels(traces: Sequence[Trace]) -> list[str]:
-    """Return every channel that a run measured, each once."""
-    return list(dict.fromkeys(name for trace in traces for name in trace.measured))
 
 
 def draw_residual(axes: Axes, finding: Finding, name: str) -> Axes:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +21,7 @@ from tssgeom.io.formats.laboratory.raw import RawTable
 from tssgeom.io.formats.laboratory.resolve import marker_numbers, resolved
 from tssgeom.io.formats.laboratory.tools import with_points_of_tools
 from tssgeom.io.formats.laboratory.wide import FEWEST_POINTS, with_row_a_point
-from tssgeom.io.formats.paths import Stamp, selected, split, stamp_of
+from tssgeom.io.formats.paths import kept_while_unchanged, selected, split
 from tssgeom.io.formats.recording import UNTIMED
 
 _MOST_WHOLE = 2  # unclear columns whose sentence is printed whole [1]; chosen: more make a wall of text
@@ -74,7 +73,7 @@ def laboratory_table(path: Path, columns: ColumnMap = NO_MAP, unit: str | None =
     if part is not None and len(tables) == 1 and result.recordings is None:
         raise SourceError(f"{file}: it holds one recording, there is no #{part} in it: leave that out")
     if result.recordings is not None and len(tables) == 1:
-        name, parts = result.recordings[0], _rows_of_parts(file, columns, unit)
+        name, parts = result.recordings[0], _rows_of_parts(file, _key(columns.of(file)), unit)
         rows = parts[list(parts)[selected(path, list(parts))]]
         notes.append(f"one of {len(parts)} recordings by {name}")
     values = {name: column[rows] for name, column in result.values.items()}
@@ -106,18 +105,17 @@ def tables_of(file: Path, columns: ColumnMap, unit: str | None) -> list[tuple[Ra
     SourceError
         Where the file cannot be read.
     """
-    return _tables_once(file, stamp_of(file), _key(columns.of(file)), unit)
+    return _tables(file, _key(columns.of(file)), unit)
 
 
 def _key(said: Mapping[str, Mapped]) -> tuple[tuple[str, Mapped], ...]:
     return tuple(sorted(said.items(), key=lambda each: each[0]))
 
 
-@lru_cache(maxsize=1)
-def _tables_once(
-    file: Path, stamp: Stamp, said: tuple[tuple[str, Mapped], ...], unit: str | None
+@kept_while_unchanged
+def _tables(
+    file: Path, said: tuple[tuple[str, Mapped], ...], unit: str | None
 ) -> list[tuple[RawTable, Resolved]]:
-    """Read a file once, since each of its recordings is an input of its own."""
     stated = dict(said)
     timed = [with_time_of_stamps(table, stated) for table in raw_tables(file)]
     tools = [with_points_of_tools(with_components(table, stated), stated) for table in timed]
@@ -126,16 +124,12 @@ def _tables_once(
     return [each for each in every if each[1].values or each[1].unclear] or every
 
 
-def _rows_of_parts(file: Path, columns: ColumnMap, unit: str | None) -> dict[str, NDArray[np.int64]]:
-    """Return the rows of each recording in the one table of a file, by its name."""
-    return _rows_once(file, stamp_of(file), _key(columns.of(file)), unit)
-
-
-@lru_cache(maxsize=1)
-def _rows_once(
-    file: Path, stamp: Stamp, said: tuple[tuple[str, Mapped], ...], unit: str | None
+@kept_while_unchanged
+def _rows_of_parts(
+    file: Path, said: tuple[tuple[str, Mapped], ...], unit: str | None
 ) -> dict[str, NDArray[np.int64]]:
-    recordings = _tables_once(file, stamp, said, unit)[0][1].recordings
+    """Return the rows of each recording in the one table of a file, by its name."""
+    recordings = _tables(file, said, unit)[0][1].recordings
     words = () if recordings is None else recordings[1]
     rows = dict[str, list[int]]()
     for row, word in enumerate(words):

@@ -9,9 +9,10 @@ import rerun as rr
 
 from tssgeom.arrays import Vector
 from tssgeom.identify.finding import Finding, Trace
+from tssgeom.identify.misfit import measured_channels
 from tssgeom.view import colours
 from tssgeom.view import finding_wording as words
-from tssgeom.view.figures.finding import measured_channels, models
+from tssgeom.view.figures.finding import models
 from tssgeom.view.quantities import TENSION_IN
 from tssgeom.view.scene.columns import Sender
 
