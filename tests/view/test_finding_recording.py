@@ -9,8 +9,7 @@ from rerun.chunk import RrdReader
 
 from tests.worked_finding import worked_finding
 from tssgeom.view.quantities import COUNT
-from tssgeom.view.scene.finding.layout import MISFIT_BOX
-from tssgeom.view.scene.finding.recording import write_finding_recording
+from tssgeom.view.scene.finding.recording import MISFIT_BOX, write_finding_recording
 from tssgeom.view.scene.finding.replay import MOST_NODES, MOST_ROWS, replay
 from tssgeom.view.scene.viewer import moment_of_greatest_tension
 

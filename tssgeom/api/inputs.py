@@ -12,6 +12,7 @@ from typing import Any, Protocol, TypeAlias
 import numpy as np
 from msgspec.structs import replace as changed
 
+from tssgeom.api.arguments import require_no_unit
 from tssgeom.arrays import Vector
 from tssgeom.engine import recorded
 from tssgeom.errors import SettingsError, ShapeError, TssgeomError
@@ -221,9 +222,8 @@ def route_of(shapes: ShapesGiven, rig: Rig, unit: str | None = None) -> MovingRo
     SettingsError
         Where nothing is given, by the rig neither.
     """
-    if unit is not None and not isinstance(shapes, str | Path):
-        what = f"a {type(shapes).__name__}"
-        raise SettingsError(f"unit is {unit!r}, but {what} is in m: leave unit out")
+    if not isinstance(shapes, str | Path):
+        require_no_unit(unit, f"a {type(shapes).__name__}")
     if shapes is None:
         return route_of(route_of_rig(rig), rig)
     if isinstance(shapes, MovingRoute):

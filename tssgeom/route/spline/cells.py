@@ -17,7 +17,7 @@ from tssgeom.route.route import Route
 from tssgeom.route.spline.problem import Problem, Solution
 
 
-class SharedErrors(NamedTuple):
+class CellRules(NamedTuple):
     """When neighbouring points share their errors, as in centre lines traced in images, and what is done."""
 
     quiet: float = 0.01
@@ -34,7 +34,7 @@ class SharedErrors(NamedTuple):
     """Fewest cells that are fitted [1]; chosen."""
 
 
-SHARED = SharedErrors()
+CELLS = CellRules()
 
 
 def clustered(points: Points, noise: float) -> bool:
@@ -45,7 +45,7 @@ def clustered(points: Points, noise: float) -> bool:
     steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
     usual = np.median(steps)
     return bool(
-        noise > SHARED.quiet * usual and np.mean(SPACING.most_over_crowd * steps < usual) > OUTLIERS.share
+        noise > CELLS.quiet * usual and np.mean(SPACING.most_over_crowd * steps < usual) > OUTLIERS.share
     )
 
 
@@ -59,11 +59,11 @@ def correlation_of_innovations(problem: Problem, solution: Solution) -> float:
     inverse_intensity = 0.0 if sensed[0] is None else 1.0 / solution.intensity
     e = core.innovations(*problem.model, *sensed, solution.ratio, inverse_intensity)[0]
     e = e[np.any(e != 0.0, axis=1)]
-    if len(e) <= SHARED.lags[-1]:
+    if len(e) <= CELLS.lags[-1]:
         return 0.0
     e = np.clip(e / np.sqrt(np.mean(e * e)), -CHANCE.clear, CHANCE.clear)  # so that no outlier decides
     power = np.sum(e * e)
-    return float(min(np.sum(e[lag:] * e[:-lag]) for lag in SHARED.lags) / power * np.sqrt(2.0 * len(e)))
+    return float(min(np.sum(e[lag:] * e[:-lag]) for lag in CELLS.lags) / power * np.sqrt(2.0 * len(e)))
 
 
 def merged(shape: Shape, cell: float) -> tuple[Shape, np.ndarray]:

@@ -9,7 +9,7 @@ from functools import partial
 from tssgeom import core
 from tssgeom.route.observations import Shape
 from tssgeom.route.spline.cells import (
-    SHARED,
+    CELLS,
     clustered,
     correlation_of_innovations,
     merged,
@@ -72,7 +72,7 @@ def fit_in_steps(
         yield PARAMETERS * len(shape.points)
     spline, correlation = yield from _fit_white(shape, noise)
     alone = noise is None and shape.stations is None and shape.directions is None
-    if alone and clustered(shape.points, spline.route.noise) and correlation() < SHARED.correlation:
+    if alone and clustered(shape.points, spline.route.noise) and correlation() < CELLS.correlation:
         return _fit_cells(shape, spline)
     return spline
 
@@ -100,15 +100,15 @@ def _fit_cells(shape: Shape, spline: Spline) -> Spline:
     The angle still depends on the size of the cells: half of what changes between cells of half and of double
     the area is taken as its standard error.
     """
-    cell = SHARED.growth**3 * float(spline.route.s[-1]) / len(shape.points)
+    cell = CELLS.growth**3 * float(spline.route.s[-1]) / len(shape.points)
     while True:
         coarse, cell_of = merged(shape, cell)
-        if len(coarse.points) < SHARED.fewest_cells:
+        if len(coarse.points) < CELLS.fewest_cells:
             return spline
         fitted, correlation = at_once(_fit_white(coarse, None))
-        if correlation() >= SHARED.correlation:
+        if correlation() >= CELLS.correlation:
             break
-        cell *= SHARED.growth
+        cell *= CELLS.growth
     finer, coarser = (_angle_in_cells(shape, cell * x) for x in (0.5**0.5, 2**0.5))
     error = 0.5 * abs(finer - coarser) / raw_angle(fitted.route)
     warning = f"neighbouring points share their errors: merged into cells of {cell * 1e3:.3g} mm"
