@@ -22,7 +22,6 @@ from tssgeom.tendon.machine import (
     Machine,
     MachineState,
     MachineTrace,
-    Start,
     begin,
     behind_play,
     carry_on,
@@ -89,7 +88,6 @@ def command_machine(
     time: Vector,
     target: Vector,
     load: Vector | None = None,
-    start: Start | None = None,
     near_enough: float | None = None,
 ) -> MachineCommands:
     """Return the angle of the motor that turns a joint as wanted; docs/model.md (184).
@@ -104,8 +102,6 @@ def command_machine(
         [s] Angle of the joint [rad].
     load
         [s] Torque against the joint [N·m]; none where left out.
-    start
-        Where the tendons stand at the beginning; at rest where left out.
     near_enough
         Distance of the joint from its target up to which a motor inside the dead zone is held [rad]; the dead
         zone is crossed at once where left out.
@@ -116,7 +112,7 @@ def command_machine(
         Where the rig has no motor or no joint.
     """
     resisting = np.zeros(len(time)) if load is None else load
-    held = held_tensions(machine, start)
+    held = held_tensions(machine)
     spans = np.diff(time, prepend=2.0 * time[0] - time[1] if len(time) > 1 else time[0] - 1.0)
     state, begun = begin(machine, held), float(time[0] - spans[0])
     at = MachineHistory(state, held[:, [0, -1]], "motor_angle_rad", begun, Turning(0.0, 0.0, 0.0))

@@ -88,9 +88,9 @@ def perturbation() -> float:
     return float(root_scalar(missing, bracket=(0.0, 12.0)).root)
 
 
-def at_peak(route: Arcs, rig: Rig = RIG) -> History:
+def at_peak(route: Arcs) -> History:
     """First pull to 15 N."""
-    return driven([PEAK], route, rig)
+    return driven([PEAK], route, RIG)
 
 
 def scaling_factor(angle: Vector | float, friction: float) -> Vector:

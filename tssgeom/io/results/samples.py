@@ -79,7 +79,8 @@ def write_samples(
     prefix = lumen.name.removesuffix("_lumen")
     text = _README.format(rows=rows, lumen=mesh.name, prefix=prefix)
     write_text(readme, text + _readme_of(campaigns) * bool(campaigns))
-    return [*written, mesh, readme, *_write_campaigns(folder, campaigns)]
+    of_campaigns = (path for each in campaigns for path in _write_campaign(folder / each.name, each))
+    return [*written, mesh, readme, *of_campaigns]
 
 
 def _write_sample(folder: Path, sample: Sample) -> Path:
@@ -135,17 +136,6 @@ def _row(path: Path, sample: Sample) -> str:
     noise, length, angle = 1e3 * sample.noise, 1e3 * sample.total_length, sample.total_angle
     truth = f"{length:.2f} | {angle:.5f} | {math.degrees(angle):.2f}"
     return f"| `{path.name}` | {sample.text} | {many} | {noise:g} | {truth} |"
-
-
-def _write_campaigns(folder: Path, campaigns: Sequence[SampleCampaign]) -> list[Path]:
-    """Write a folder for each campaign, and return the written files.
-
-    Raises
-    ------
-    SourceError
-        Where the disk refuses.
-    """
-    return [path for campaign in campaigns for path in _write_campaign(folder / campaign.name, campaign)]
 
 
 def _readme_of(campaigns: Sequence[SampleCampaign]) -> str:

@@ -90,9 +90,9 @@ def draw_number(axes: Axes, run: FollowedRun, key: str) -> Axes:
     return axes
 
 
-def draw_followed_tension(axes: Axes, run: FollowedRun, read: Vector | None = None) -> Axes:
-    """Draw the distal tension about the first alert, or at the end, with its band and what was read [N]."""
-    return _draw_channel(axes, run, _TENSION_OUT, read)
+def draw_followed_tension(axes: Axes, run: FollowedRun) -> Axes:
+    """Draw the distal tension about the first alert, or at the end, with its band [N]."""
+    return _draw_channel(axes, run, _TENSION_OUT, None)
 
 
 def _draw_channel(axes: Axes, run: FollowedRun, channel: str, read: Vector | None) -> Axes:
