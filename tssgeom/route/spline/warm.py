@@ -57,7 +57,7 @@ def warm(
 
 
 def _criterion(deviance: float, ratio: float, variance: float, length: float) -> float:
-    """-2 ln of the posterior of λ and of a noise [m²] of a route of this length [m]; docs/model.md (289)."""
+    """-2 ln of the posterior of λ and of a noise [m²] of a route of this length [m]; docs/model.md (292)."""
     if not (ratio > 0.0 and variance > 0.0):
         return math.inf
     likelihood = deviance - 4.0 * math.log(variance)  # the evidence prices both ends with it
