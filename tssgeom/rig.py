@@ -15,7 +15,7 @@ from tssgeom.effects import AnyEffect, wrong_effect
 from tssgeom.errors import SettingsError, printable, require, require_at_least_zero, require_file
 from tssgeom.mechanism import Drive, End, GivenRoute
 from tssgeom.toml_keys import with_short_keys, without_none
-from tssgeom.uncertain import Follow, Uncertain, parted, path_of, require_known, with_choices
+from tssgeom.uncertain import Follow, Uncertain, keys_of, parted, path_of, require_known, with_choices
 
 Source = Literal["markers", "em", "fbg", "centreline", "smoothed"]
 """Where the points of a route come from; docs/model.md (164)."""
@@ -296,15 +296,18 @@ def with_values(rig: Rig, values: Mapping[str, float]) -> Rig:
     tables = msgspec.to_builtins(rig)
     tables["route"]["bends"] = [*rig.route.bends]  # a list can be changed
     for key, value in values.items():
-        *path, last = path_of(key)
-        at = tables
-        for step in path:
-            at = at[step] if isinstance(step, int) else at.setdefault(step, {})
-        at[last] = float(value)
+        for path in map(path_of, keys_of(key)):
+            _set(tables, path, float(value))
     try:
         return msgspec.convert(tables, Rig)
     except msgspec.ValidationError as error:
         raise SettingsError(str(error)) from error
+
+
+def _set(tables: Any, path: Sequence[str | int], value: float) -> None:
+    for step in path[:-1]:
+        tables = tables[step] if isinstance(step, int) else tables.setdefault(step, {})
+    tables[path[-1]] = value
 
 
 def write_rig(path: Path, rig: Rig, provenance: Sequence[str] = ()) -> None:

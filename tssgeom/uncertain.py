@@ -134,6 +134,14 @@ def path_of(key: str) -> list[str | int]:
     return [int(part) if part.isdigit() else part for part in re.split(r"[.\[\]]+", key) if part]
 
 
+def keys_of(key: str) -> list[str]:
+    """Return the keys that share a number: `sensors.a.lag_s` and `sensors.b.lag_s` of `sensors.a+b.lag_s`."""
+    first, *more = key.split(".")
+    if first != "sensors" or not more:
+        return [key]
+    return [".".join([first, channel, *more[1:]]) for channel in more[0].split("+")]
+
+
 def _uncertain(key: str, value: Any, tables: dict[str, Any]) -> Uncertain:
     if value == UNKNOWN:
         return Uncertain(key, _of_unknown(key, tables), stated=False)

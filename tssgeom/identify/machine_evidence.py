@@ -138,13 +138,27 @@ def delta_bic(before: FittedModel, after: FittedModel) -> float:
     gain, worth = 0.0, 0.0
     for block, (old, new) in enumerate(zip(before.state.left, after.state.left, strict=True)):
         least = _floor(after.problem, block)
-        sizes = [math.hypot(spread(left), least) for left in (old, new)]
+        sizes = [math.hypot(size_of(left), least) for left in (old, new)]
         independent = len(new) / inflation_of(new / sizes[1])
         gain += 2.0 * independent * math.log(sizes[0] / sizes[1])
         worth += independent
     shared = len(before.state.u)
     gain += float(before.state.u @ before.state.u - after.state.u[:shared] @ after.state.u[:shared])
     return gain - (len(after.state.u) - shared) * math.log(worth)
+
+
+def size_of(left: Vector) -> float:
+    """Return the standard deviation s of residuals, those beyond 3 s counted as 3 s; docs/model.md (289).
+
+    Few outliers hardly count. What a model misses at every turn does, where `spread` takes it for outliers.
+    """
+    size, rms = spread(left), root_mean_square(left)
+    for _ in left:
+        limit = CHANCE.clear * size
+        was, size = size, root_mean_square(np.clip(left, -limit, limit))
+        if size - was <= EVIDENCE.floor * rms:
+            break
+    return max(size, 1e-12)
 
 
 def _floor(problem: Problem, block: int) -> float:
@@ -157,7 +171,7 @@ def changes(before: FittedModel, after: FittedModel) -> dict[str, float]:
     out = dict[str, float]()
     pairs = zip(before.state.left, after.state.left, after.problem.rows, strict=True)
     for block, (old, new, (_, name, _)) in enumerate(pairs):
-        size = math.hypot(spread(new), _floor(after.problem, block))
+        size = math.hypot(size_of(new), _floor(after.problem, block))
         independent = len(new) / inflation_of(new / size)
         limit = CHANCE.clear * size / math.sqrt(independent)
         out[name] = max(out.get(name, 0.0), root_mean_square(old - new) / limit)
@@ -180,7 +194,7 @@ def held_out_rises(before: FittedModel, after: FittedModel) -> dict[str, float]:
     """
     independent = dict[str, float]()
     for block, (left, (_, name, _)) in enumerate(zip(after.state.left, after.problem.rows, strict=True)):
-        size = math.hypot(spread(left), _floor(after.problem, block))
+        size = math.hypot(size_of(left), _floor(after.problem, block))
         independent[name] = independent.get(name, 0.0) + len(left) / inflation_of(left / size)
     return {
         name: 2.0 * share * independent[name] * math.log(after.held[name] / max(before.held[name], 1e-15))

@@ -13,6 +13,7 @@ import numpy as np
 
 from tssgeom.arrays import Vector
 from tssgeom.core.constants import CHANCE
+from tssgeom.effects import AnyEffect
 from tssgeom.identify.campaign import Campaign
 from tssgeom.identify.finding import (
     Candidate,
@@ -154,8 +155,9 @@ class MachineWork:
         model = self.chosen.model
         effects = iter(model.rig.effects[len(self.campaign.rig.effects) :])
         for which, part in enumerate(model.parts):
-            effect = part.effect if isinstance(part.effect, RigNumber) else next(effects)
-            yield Candidate((part.name,), (effect,), (_numbers(part, after),), self._added(which), "")
+            evidence = self._added(which)
+            for effect, numbers in _by_effect(part, after, None if part.of_rig else next(effects)):
+                yield Candidate((part.name,), (effect,), (numbers,), evidence, "")
 
     def _added(self, which: int) -> Evidence:
         """Return the evidence that a part adds to the others."""
@@ -252,14 +254,20 @@ def _left(misfit: Misfit, when: str) -> float:
     return beyond_noise(rms["held_out"] or rms["fitted"], misfit.noise)
 
 
-def _numbers(part: Part, after: MachineCalibration) -> dict[str, Estimate]:
+def _by_effect(
+    part: Part, after: MachineCalibration, effect: AnyEffect | None
+) -> Iterator[tuple[AnyEffect | RigNumber, dict[str, Estimate]]]:
+    """Yield an effect with its numbers, or each number of the rig that is the part's one number."""
     by_name = {each.name: each for each in after.estimates}
-    made = {}
+    made = dict[str, Estimate]()
     for number in part.numbers:
         each = by_name[f"{part.label}: {number.name}"]
         low, high = (min(max(value, number.lower), number.upper) for value in (each.low, each.high))
         made[number.name] = Estimate(each.value, each.unit, low, high)
-    return made
+    if effect is not None:
+        yield effect, made
+    for key in sorted(part.of_rig):
+        yield RigNumber(key=key), made
 
 
 def _zero_estimate(after: MachineCalibration, channel: str) -> Estimate:
@@ -280,11 +288,12 @@ def _base_numbers(after: MachineCalibration, model: FittedModel) -> Iterator[tup
 
 def _ranked(one: TriedPart, top: float, *, chosen: bool) -> Candidate:
     after = calibration_of(one.model.problem, one.model.state, normal=True)  # profiles of all take long
-    effect = one.part.effect if isinstance(one.part.effect, RigNumber) else one.model.rig.effects[-1]
+    own = None if one.part.of_rig else one.model.rig.effects[-1]
+    effects, numbers = zip(*_by_effect(one.part, after, own), strict=True)
     evidence = Evidence(one.delta_bic, EVIDENCE_SCALE.very_strong, one.size, one.held_ratio, -one.rise)
     less = f"its ΔBIC, held-out readings included, is {top - one.evidence:.0f} below the best."
     why = "" if chosen else one.why_not or less
-    return Candidate((one.part.name,), (effect,), (_numbers(one.part, after),), evidence, why)
+    return Candidate((one.part.name,) * len(effects), effects, numbers, evidence, why)
 
 
 def _experiments(close: Sequence[Part], effects: Sequence[Candidate]) -> Iterator[Experiment]:

@@ -19,7 +19,7 @@ from tssgeom.identify.fit import FIT
 from tssgeom.identify.machine_parameters import Parameter, unit_of
 from tssgeom.identify.machine_run import MachineRun
 from tssgeom.rig import Rig, with_values
-from tssgeom.uncertain import Prior, behind_gear
+from tssgeom.uncertain import Prior, behind_gear, keys_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +70,7 @@ class Part:
     def label(self) -> str:
         """Name, and what of it is a choice."""
         if isinstance(self.effect, RigNumber) and self.effect.key.startswith("sensors."):
-            return f"{self.name} ({self.effect.key.split('.')[1]})"
+            return f"{self.name} ({', '.join(key.split('.')[1] for key in keys_of(self.effect.key))})"
         end = getattr(self.effect, "end", "")
         return f"{self.name} ({end})" if end else self.name
 
@@ -78,6 +78,11 @@ class Part:
     def switch(self) -> Number:
         """The number that switches the part on."""
         return next(each for each in self.numbers if each.switch)
+
+    @property
+    def of_rig(self) -> frozenset[str]:
+        """Keys of the numbers of the rig that it frees; none of an effect of the library."""
+        return frozenset(keys_of(self.effect.key) if isinstance(self.effect, RigNumber) else ())
 
     def on(self, rig: Rig) -> tuple[Rig, tuple[Parameter, ...]]:
         """Return the rig with this part at nothing, and what is fitted of it."""
@@ -209,7 +214,7 @@ MEANINGS: Mapping[str, str] = {each.name: each.meaning for each in _CHOICES} | {
 
 
 def _of_rig(rig: Rig, free: Sequence[str], runs: Sequence[MachineRun]) -> Iterator[Part]:
-    answers = list(dict.fromkeys(name for run in runs for name in run.measured))
+    answers, late = list(dict.fromkeys(name for run in runs for name in run.measured)), list[str]()
     for each in _CHOICES:
         if each.key not in free and _applies(each.key, rig, runs, answers):
             yield _freed(each, rig)
@@ -220,8 +225,11 @@ def _of_rig(rig: Rig, free: Sequence[str], runs: Sequence[MachineRun]) -> Iterat
             centre = 1.0 if known is None else known.gain
             yield _of_channel("channel_gain", name, "gain", "1", Prior(centre, PARTS.gain, log=False))
         if f"sensors.{name}.lag_s" not in free and (known is None or known.lag_s == 0.0):
-            sd = PARTS.wide * _typical_lag(runs)
-            yield _of_channel("channel_lag", name, "lag_s", "s", Prior(0.0, sd, log=False), 0.0)
+            late.append(name)
+    cells = [name for name in late if name.startswith("tension")]  # one amplifier may read them all
+    for name in (*late, *(["+".join(cells)] if len(cells) > 1 else [])):
+        prior = Prior(0.0, PARTS.wide * _typical_lag(runs), log=False)
+        yield _of_channel("channel_lag", name, "lag_s", "s", prior, 0.0)
 
 
 def drive_lag(rig: Rig, free: Sequence[str], runs: Sequence[MachineRun]) -> Iterator[Part]:

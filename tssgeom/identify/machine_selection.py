@@ -14,6 +14,7 @@ import msgspec
 import numpy as np
 
 from tssgeom.arrays import Vector
+from tssgeom.core.constants import CHANCE
 from tssgeom.errors import FitError
 from tssgeom.identify.finding import RigNumber
 from tssgeom.identify.machine_evidence import (
@@ -24,6 +25,7 @@ from tssgeom.identify.machine_evidence import (
     held_out_ratio,
     held_out_rises,
     modelled,
+    noise_of,
     refused,
     worse,
 )
@@ -34,6 +36,7 @@ from tssgeom.identify.machine_parts import Part
 from tssgeom.identify.machine_problem import Problem
 from tssgeom.identify.machine_run import MachineRun
 from tssgeom.identify.machine_score import PartScore, score_of, straight_lines
+from tssgeom.identify.misfit import beyond_noise
 from tssgeom.identify.selection import SEARCH
 from tssgeom.rig import Rig, with_values
 from tssgeom.statistics import EVIDENCE_SCALE, NORMAL_95
@@ -68,8 +71,10 @@ class TriedPart:
     """Of −2 ln L of what is held out [1]."""
     held_ratio: float
     """Held-out rms over that without, over channels [1]; NaN where nothing is held out."""
-    refusal: str
-    """Why physics, a bound or a channel that it makes worse forbids it; empty where nothing does."""
+    refusal: str = ""
+    """Why physics or a bound forbids it; empty where nothing does."""
+    contradiction: str = ""
+    """Which held-out channel it makes worse, in a clause; empty where none."""
 
     @property
     def evidence(self) -> float:
@@ -84,7 +89,8 @@ class TriedPart:
     @property
     def passes(self) -> bool:
         """Whether evidence, size, held-out readings and physics all allow it."""
-        return self.least > EVIDENCE_SCALE.very_strong and self.size > 1.0 and not self.refusal
+        evident = self.least > EVIDENCE_SCALE.very_strong and self.size > 1.0
+        return evident and not self.refusal and not self.contradiction
 
     @property
     def why_not(self) -> str:
@@ -96,7 +102,7 @@ class TriedPart:
             return f"its ΔBIC, held-out readings included, of {self.evidence:.1f} is below {needed:.0f}."
         if self.size <= 1.0:
             return f"it changes no channel by more than {self.size:.2g} of the detection limit."
-        return f"{self.refusal}." if self.refusal else ""
+        return f"{why}." if (why := self.refusal or self.contradiction) else ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,10 +119,12 @@ class PartStep:
 
     @property
     def close(self) -> list[TriedPart]:
-        """Those that pass, with an evidence within what separates two."""
+        """Those that pass, with an evidence within what separates two; of nested ones the smallest."""
         passing = [one for one in self.tried if one.passes]
         top = max((one.evidence for one in passing), default=0.0)
-        return [one for one in passing if top - one.evidence < EVIDENCE_SCALE.strong]
+        near = [one for one in passing if top - one.evidence < EVIDENCE_SCALE.strong]
+        freed = [one.part.of_rig for one in near if one.part.of_rig]
+        return [one for one in near if not any(keys < one.part.of_rig for keys in freed)]
 
     @property
     def tied(self) -> list[TriedPart]:
@@ -145,11 +153,11 @@ def selected_parts(
     """Choose parts as long as one passes, then take out what the others have made needless."""
     model, steps = base, list[PartStep]()
     before = cache(lambda: forecast(base))
-    for turn in range(SEARCH.most):
-        progress(turn / SEARCH.most)
+    while len(model.parts) < SEARCH.most:
+        progress(len(model.parts) / SEARCH.most)
         now = _forecast(before, part_step(base, model, parts, kept))
-        steps.append(now)
-        best = now.chosen
+        steps += [now] if now.chosen else two_steps(base, before, now, parts, kept)
+        best = steps[-1].chosen
         if best is None:
             break
         model = best.model
@@ -163,9 +171,10 @@ def part_step(
 
     None may make a channel worse than without it, or than in the `base` without any part.
     """
-    has = {part.label for part in model.parts}
+    has, freed = {part.label for part in model.parts}, {key for part in model.parts for key in part.of_rig}
     lines = straight_lines(model)
-    tests = [score_of(model, part, lines) for part in parts if part.label not in has]
+    new = [part for part in parts if part.label not in has and not part.of_rig & freed]
+    tests = [score_of(model, part, lines) for part in new]
     tests = [one for one in tests if one is not None and one.gain > NORMAL_95**2]
     tests.sort(key=lambda one: -one.gain)
     quick = [_refit(base, model, one, kept) for one in tests[: MACHINE_SEARCH.refitted]]
@@ -178,20 +187,51 @@ def part_step(
 def _forecast(before: Callable[[], FittedModel | None], now: PartStep) -> PartStep:
     """Refuse what would be chosen as long as it makes the end of the runs worse; docs/model.md (246)."""
     while (best := now.chosen) is not None and (why := contradiction(before(), best.model)):
-        tried = tuple(replace(one, refusal=why) if one is best else one for one in now.tried)
+        tried = tuple(replace(one, contradiction=why) if one is best else one for one in now.tried)
         now = replace(now, tried=tried)
     return now
+
+
+def two_steps(
+    base: FittedModel,
+    before: Callable[[], FittedModel | None],
+    now: PartStep,
+    parts: Sequence[Part],
+    kept: Sequence[MachineRun],
+) -> tuple[PartStep, ...]:
+    """Return a step at which no part passes, or that and another: two parts that pass together; (290)."""
+    model, pairs = now.before, dict[str, tuple[float, PartStep]]()
+    left = beyond_noise(model.held or model.fitted, noise_of((model,), model.rig))
+    if left <= CHANCE.clear or len(model.parts) > SEARCH.most - 2:
+        return (now,)
+    refuted = [one for one in now.tried if one.contradiction and replace(one, contradiction="").passes]
+    for first in sorted(refuted, key=lambda one: -one.evidence)[: MACHINE_SEARCH.continued]:
+        further = _forecast(before, part_step(base, first.model, parts, kept))
+        if (second := further.chosen) is None:
+            continue
+        both = _tried(base, model, second.part, second.model)
+        if both.passes and without_needless(second.model, len(model.parts), kept) is None:
+            pairs[first.part.label] = both.evidence, further
+    top = max((evidence for evidence, _ in pairs.values()), default=0.0)
+    close = {label for label, (evidence, _) in pairs.items() if top - evidence < EVIDENCE_SCALE.strong}
+    tried = (replace(one, contradiction="") if one.part.label in close else one for one in now.tried)
+    both = replace(now, tried=tuple(tried))
+    return (both, pairs[both.chosen.part.label][1]) if both.chosen else (now,)
 
 
 def _backward(model: FittedModel, kept: Sequence[MachineRun]) -> FittedModel:
     """Take out, once, the part that the others have made needless."""
     if len(model.parts) < 2:
         return model
-    for which in range(len(model.parts) - 1):
-        less = without_part(model, which, kept)
-        if less is not None and delta_bic(less, reordered(model, which)) < EVIDENCE_SCALE.very_strong:
-            return less
-    return model
+    fewer = (without_needless(model, which, kept) for which in range(len(model.parts) - 1))
+    return next((less for less in fewer if less is not None), model)
+
+
+def without_needless(model: FittedModel, which: int, kept: Sequence[MachineRun]) -> FittedModel | None:
+    """Return a model without one of its parts; None where fitted or held-out readings ask for that; (291)."""
+    less, whole = without_part(model, which, kept), reordered(model, which)
+    asked = less is None or delta_bic(less, whole) >= EVIDENCE_SCALE.very_strong
+    return None if less is None or asked or contradicted(held_out_rises(whole, less)) else less
 
 
 def without_part(model: FittedModel, which: int, kept: Sequence[MachineRun]) -> FittedModel | None:
@@ -278,11 +318,11 @@ def _continued(
 def _tried(base: FittedModel, model: FittedModel, part: Part, after: FittedModel) -> TriedPart:
     size = max(changes(model, after).values())
     gain, ratio, rises = delta_bic(model, after), held_out_ratio(model, after), held_out_rises(model, after)
-    made = TriedPart(part, after, gain, size, sum(rises.values()), ratio, "")
+    made = TriedPart(part, after, gain, size, sum(rises.values()), ratio)
     if made.least <= EVIDENCE_SCALE.very_strong:
         return made
     against = (worse(one, after, contradicted(held_out_rises(one, after))) for one in (model, base))
-    return replace(made, refusal=refused(model, after) or next(filter(None, against), ""))
+    return replace(made, refusal=refused(model, after), contradiction=next(filter(None, against), ""))
 
 
 def _at(problem: Problem, u: Vector, model: FittedModel) -> float:
