@@ -13,7 +13,12 @@ from tssgeom.adapt.readings import FollowedRig, Readings
 from tssgeom.effects import named
 from tssgeom.errors import SettingsError
 from tssgeom.frame import Frame
-from tssgeom.plausibility.frames import frame_remarks, require_one_target, strain_remarks
+from tssgeom.plausibility.frames import (
+    frame_remarks,
+    given_route_remarks,
+    require_one_target,
+    strain_remarks,
+)
 from tssgeom.plausibility.rules import warnings_of
 from tssgeom.result import Result
 from tssgeom.rig import Rig
@@ -233,6 +238,7 @@ def _of_machine(
     at = Moved(fit.arcs, frame.time, tension_in, shared)
     length, pulls = fit.arcs.total_length, greatest_pull(readings)
     remarks = list(frame_remarks(frame, length))
+    remarks += given_route_remarks(rig, length, fit.arcs.total_angle, fit.arcs.total_angle_se)
     warnings_of(None, [*remarks, *strain_remarks(rig, length, pulls)])  # before a follower takes them in
     if follower is None:
         moment, of_machine = of_machine.moved(before, rig, readings, at)

@@ -12,7 +12,7 @@ import pytest
 from tssgeom import Frame, Rig, process
 from tssgeom.effects import FrictionLaw, HiddenBend, SensorLaw
 from tssgeom.errors import SettingsError
-from tssgeom.mechanism import Drive, DriveLimits
+from tssgeom.mechanism import Drive, DriveLimits, End, GivenRoute
 from tssgeom.plausibility.frames import FrameWatch, command_remarks, rig_remarks
 from tssgeom.plausibility.rules import RULES, warnings_of
 from tssgeom.plausibility.runs import campaign_remarks, fit_remarks, law_remarks
@@ -66,6 +66,23 @@ def test_an_implausible_frame_is_used_with_a_warning(frame, rule):
 def test_a_hidden_bend_beyond_the_route_is_named():
     rig = Rig(effects=(HiddenBend(at_m=0.9, angle_rad=0.1),))
     assert "hidden_bend_beyond" in of_frame(Frame(HALF, tension_in=5.0), rig)
+
+
+@pytest.mark.parametrize(
+    ("route", "named"),
+    [
+        (GivenRoute(length_m=0.5, angle_rad=np.pi), False),
+        (GivenRoute(length_m=0.9), False),  # a sheath that is sensed in part
+        (GivenRoute(length_m=0.3), True),
+        (GivenRoute(angle_rad=1.0), True),
+        (GivenRoute(angle_rad=180.0), True),
+    ],
+)
+def test_a_route_of_the_rig_that_the_points_contradict_is_named(route, named):
+    drive, end = Drive(kind="pair", radius_m=0.01), End(kind="joint", radius_m=0.01, stiffness_Nm_per_rad=0.1)
+    rig = Rig(drive=drive, end=end, tendon=Tendon(pretension_N=5.0), route=route)
+    frame = Frame(HALF, of_machine={"motor_angle_rad": 0.1})
+    assert ("given_route" in of_frame(frame, rig)) is named
 
 
 def test_points_that_freeze_are_named_once_in_a_hundred_frames_and_a_route_that_always_stood_is_not():

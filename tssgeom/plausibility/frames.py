@@ -10,6 +10,7 @@ from typing import Protocol
 import numpy as np
 
 from tssgeom.arrays import Points
+from tssgeom.core.constants import CHANCE
 from tssgeom.effects import HiddenBend
 from tssgeom.errors import SettingsError
 from tssgeom.plausibility.kinds import Remark
@@ -79,6 +80,19 @@ def strain_remarks(rig: Rig, length: float, tension: float) -> list[Remark]:
         would = f"{tension:g} N would stretch the tendon by {100.0 * strain:.3g}%"
         remarks.append(remark("strain", "frame", would))
     return remarks
+
+
+def given_route_remarks(rig: Rig, length: float, angle: float, angle_se: float) -> Iterator[Remark]:
+    """Yield whether a rig gives another route than a shape of this length [m] and angle [rad] has."""
+    given, error = rig.route, LIMITS.usual_error
+    if given.length_m is not None and given.length_m < (1.0 - error) * length:
+        what = f"route.length_m is {given.length_m:g} m and the shape has {length:.3g} m"
+        yield remark("given_route", "frame", what)
+    turn = given.angle_rad
+    if turn is not None and abs(angle - turn) > error * max(turn, angle) + CHANCE.clear * angle_se:
+        yield remark(
+            "given_route", "frame", f"route.angle_rad is {turn:g} and the shape turns {angle:.3g} rad"
+        )
 
 
 def frame_remarks(frame: Sensed, length: float) -> Iterator[Remark]:

@@ -280,6 +280,13 @@ RULES: dict[str, Rule] = {
         "It does nothing there.",
         "mend at_m of the effect, or the shape",
     ),
+    "given_route": Rule(
+        f"the rig of a machine gives a route that turns by {_L.usual_error:.0%} more or less than the shape, "
+        "beyond three of its standard errors, or that is by as much shorter",
+        {"frame": "warn"},
+        "The numbers of the rig count: the shape may be that of another sheath, or in another unit.",
+        "leave route.length_m and route.angle_rad out of the rig, or mend them or the shape",
+    ),
     "frozen_frames": Rule(
         f"{_L.frozen_frames} frames repeat the points, or a tension, that varied before",
         {"frame": "warn"},
