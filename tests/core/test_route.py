@@ -18,8 +18,8 @@ from tests.core.twins import (
 from tssgeom import core
 from tssgeom.errors import FitError
 from tssgeom.route.observations import clean
-from tssgeom.route.spline import fit as fits
-from tssgeom.route.spline.posterior import warmed
+from tssgeom.route.spline import warm as warming
+from tssgeom.route.spline.fit import fit
 from tssgeom.route.spline.problem import FilterModel
 
 CASES = 250
@@ -190,7 +190,7 @@ def test_curvature_angle_and_their_errors():
         p = random_route(rng, n=int(rng.integers(6, 30)), noise=1e-4)
         if case % 3 == 0:
             p = np.delete(p, slice(2, len(p) // 2), axis=0) if len(p) > 12 else p
-        spline = fits.fit(clean(p))
+        spline = fit(clean(p))
         route = spline.route
         cells = np.arange(len(route.s))
         penalty = 3.0 * np.log(len(route.weight))
@@ -230,20 +230,21 @@ def test_a_frame_in_one_call_is_the_same_as_in_many(n, stations):
     known = (
         np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(p, axis=0), axis=1)))) if stations else None
     )
-    last, agreed = fits.fit(clean(p, known)), 0
+    last, agreed = fit(clean(p, known)), 0
     for frame in range(6):
         shape = clean(p + 1e-4 * frame * np.sin(np.arange(n) / 5.0)[:, None], known)
-        at_once = fits._moved_at_once(shape, None, last.memory, 1.0 + frame)
-        in_parts = warmed(shape, None, last.memory, 1.0 + frame)
-        assert (at_once is None) == (in_parts is None)
-        if at_once is None or in_parts is None:
+        at_once = warming._pass_of_core(shape, None, last.memory, 1.0 + frame)
+        in_parts = warming._pass_in_parts(shape, None, last.memory, 1.0 + frame)
+        assert at_once.criterion == pytest.approx(in_parts.criterion, rel=1e-7)
+        assert (at_once.spline is None) == (in_parts.spline is None)
+        if at_once.spline is None or in_parts.spline is None:
             continue
-        expected, agreed = fits.spline_of(shape, *in_parts, last.memory.spacing), agreed + 1
+        spline, expected, agreed = at_once.spline, in_parts.spline, agreed + 1
         for name in ("s", "position", "tangent", "curvature_vector", "station", "residual", "noise"):
-            close(getattr(at_once.route, name), getattr(expected.route, name), 1e-8)
+            close(getattr(spline.route, name), getattr(expected.route, name), 1e-8)
         for name in ("covariance", "gain", "freedom", "deviance", "joints"):
-            close(getattr(at_once, name), getattr(expected, name), 1e-7)
-        last = at_once
+            close(getattr(spline, name), getattr(expected, name), 1e-7)
+        last = spline
     assert agreed > 2
 
 

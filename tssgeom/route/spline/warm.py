@@ -47,7 +47,7 @@ def warm(
     same &= (shape.directions is None) == (before.tangents is None)
     if len(shape.points) != len(before.u) or not same:
         return None
-    one_pass = _pass_of_core if shape.directions is None else _pass_beside_directions
+    one_pass = _pass_of_core if shape.directions is None else _pass_in_parts
     moved = one_pass(shape, noise, before, growth)
     if moved.spline is None and noise is None and are_few(shape.points):
         kept = one_pass(shape, before.noise * math.sqrt(growth), before, growth)
@@ -66,7 +66,7 @@ def _criterion(deviance: float, ratio: float, variance: float, length: float) ->
     )
 
 
-def _pass_beside_directions(shape: Shape, noise: float | None, last: LastPass, growth: float) -> _Pass:
+def _pass_in_parts(shape: Shape, noise: float | None, last: LastPass, growth: float) -> _Pass:
     """Make the pass in Python, where the core does not: directions were sensed."""
     problem, solution, held = warmed(shape, noise, last, growth)
     spacing = last.spacing
