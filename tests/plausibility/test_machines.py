@@ -70,6 +70,13 @@ def test_the_channel_of_a_joint_that_is_inverted_is_named(names, rules):
     assert signs_of(inverted(joint_run(), *names)) == rules
 
 
+@pytest.mark.parametrize(("factor", "named"), [(1.0, False), (np.pi / 180.0, True), (180.0 / np.pi, True)])
+def test_a_joint_in_another_unit_is_named(factor, named):
+    # an unknown lever arm takes up the factor, and the fit is as good
+    run = joint_run() | {"joint_angle_rad": factor * joint_run()["joint_angle_rad"]}
+    assert ("joint_unit" in {each.rule for each in run_remarks(run)}) is named
+
+
 def test_a_joint_that_stands_while_its_drive_crosses_the_dead_zone_is_not_clipped():
     joint = np.minimum(joint_run()["joint_angle_rad"], 0.5)  # stands, to the digit, while the motor goes on
     assert "clipped" not in {each.rule for each in run_remarks(joint_run() | {"joint_angle_rad": joint})}

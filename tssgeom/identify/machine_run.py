@@ -21,7 +21,12 @@ from tssgeom.identify.turning import Legs, legs, turns_between_readings, with_tu
 from tssgeom.mechanism import numbered, tendon_count
 from tssgeom.plausibility.kinds import Remark
 from tssgeom.plausibility.limits import LIMITS as PLAUSIBLE
-from tssgeom.plausibility.machines import direction_remarks, load_sign_remarks, sign_remarks
+from tssgeom.plausibility.machines import (
+    angle_remarks,
+    direction_remarks,
+    load_sign_remarks,
+    sign_remarks,
+)
 from tssgeom.plausibility.rules import warnings_of
 from tssgeom.plausibility.series import Series
 from tssgeom.rig import Rig
@@ -105,7 +110,7 @@ def machine_run(
     count = tendon_count(rig.drive, rig.end)
     columns = with_torque(columns, rig)
     read = Series(columns, rig)
-    signs = warnings_of(name, [*sign_remarks(read), *direction_remarks(read)])
+    signs = warnings_of(name, [*sign_remarks(read), *direction_remarks(read), *angle_remarks(read)])
     drive = drive_of(columns, count)
     given_names = ["time_s", *drive_channels(drive, count)]
     end_given = rig.end.given == "angle"

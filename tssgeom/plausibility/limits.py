@@ -81,6 +81,9 @@ class Limits:
     largest_noise: float = 0.1
     """Chosen: a sensor with more shows no bend; sensors of routes have 10⁻⁴ to 10⁻². Stated noise of a
     coordinate over the length of the route [1]."""
+    least_turn_rad: float = 0.035
+    """Chosen: two degrees, and a radian or two that stand for as many degrees. Least range of a joint that
+    moves [rad]."""
     fewest_rows: int = 20
     """Chosen: a fit needs more than its parameters. Rows with both drive and response [1]."""
     judged_N: float = 1.0

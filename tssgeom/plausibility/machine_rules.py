@@ -1,4 +1,4 @@
-"""The rules on the signs of a machine's channels: rows of the table in rules.py."""
+"""The rules on signs and units of a machine's channels: rows of the table in rules.py."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from tssgeom.plausibility.kinds import Rule
 from tssgeom.plausibility.limits import LIMITS
 
 _L = LIMITS
+_UNIT = 'degrees are read with --map "NAME={channel}:{unit}"'
 _FACTOR = 'a negative factor reverses a column, as in --map "NAME={channel}:-{unit}"'
 
 MACHINE_RULES: dict[str, Rule] = {
@@ -22,6 +23,12 @@ MACHINE_RULES: dict[str, Rule] = {
         "Tendon 1 pulls the joint to positive angles.",
         "change the sign of joint_angle_rad, and of joint_torque_Nm with it; "
         + _FACTOR.format(channel="joint_angle", unit="rad"),
+    ),
+    "joint_unit": Rule(
+        f"the joint moves, but by less than {_L.least_turn_rad:g} rad, or by more than a turn",
+        {"run": "warn"},
+        "Radians may stand for degrees, or degrees for radians: an unknown lever arm takes up the factor.",
+        "check the unit of joint_angle_rad: " + _UNIT.format(channel="joint_angle", unit="deg"),
     ),
     "torque_sign": Rule(
         "the torque of the motor is less where it winds than where it lets out, at the same angle and load "

@@ -1,7 +1,8 @@
-"""Signs of the channels of a machine, which every fit takes as said: motor, joint, their torques, tendons."""
+"""Signs and units of the channels of a machine, which every fit takes as said."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
@@ -58,6 +59,15 @@ def load_sign_remarks(runs: Sequence[Series]) -> Iterator[Remark]:
     if together < LIMITS.opposite:
         over = f" over {len(runs)} runs" if len(runs) > 1 else ""
         yield remark("load_sign", "run", f"{_TORQUE} falls where {_LOAD} rises{over} ({together:.2f})")
+
+
+def angle_remarks(run: Series) -> Iterator[Remark]:
+    """Yield whether the angle of a joint can hardly be in radians."""
+    if _JOINT not in run.channels or not run.moves(_JOINT):
+        return
+    span = run.span(_JOINT)
+    if not LIMITS.least_turn_rad <= span <= 2.0 * math.pi:
+        yield remark("joint_unit", "run", f"{_JOINT} moves by {span:.3g} rad")
 
 
 def direction_remarks(run: Series) -> Iterator[Remark]:

@@ -10,7 +10,12 @@ from tssgeom.arrays import Vector
 from tssgeom.core.constants import CHANCE
 from tssgeom.plausibility.kinds import Remark
 from tssgeom.plausibility.limits import LIMITS
-from tssgeom.plausibility.machines import direction_remarks, load_sign_remarks, sign_remarks
+from tssgeom.plausibility.machines import (
+    angle_remarks,
+    direction_remarks,
+    load_sign_remarks,
+    sign_remarks,
+)
 from tssgeom.plausibility.rules import remark
 from tssgeom.plausibility.series import DRIVES, Series, correlation, filled
 from tssgeom.plausibility.values import DISPLACEMENTS, apparent_friction
@@ -28,6 +33,7 @@ def motion_remarks(run: Series, *, fitted: bool) -> Iterator[Remark]:
     yield from sign_remarks(run)
     yield from load_sign_remarks([run])
     yield from direction_remarks(run)
+    yield from angle_remarks(run)
     yield from _consistency(run)
     if fitted:
         yield from _rest(run)
