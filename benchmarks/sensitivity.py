@@ -32,7 +32,7 @@ from benchmarks import ABSENT, machine, number, options_parser, table
 from benchmarks.changed import Copy, Field, edit, forget
 
 Numbers = dict[str, float]
-AREAS = ("route", "tendon", "identify")
+AREAS = ("route", "tendon", "identify", "adapt")
 ROOT = Path(__file__).parents[1]
 ORIGINS = ("derived", "cited", "fitted", "chosen", "measured")
 FACTORS = (0.5, 2.0)

@@ -15,10 +15,13 @@ from tempfile import mkdtemp
 import msgspec
 import numpy as np
 
+from benchmarks import adaptive, adaptive_machines
 from benchmarks.calibration import MACHINES, machine_trial, trial
 from tests.campaigns import make_campaign
 from tests.known_routes import Cell, Draw, draw, truth
 from tests.live_process import points_mm
+from tests.twins import DRIFTS, FAULTS, Scenario
+from tests.twins.mechanisms import SCENARIOS
 from tssgeom import Frame, FrameResult, Rejected, Rig, discover, process
 from tssgeom.arrays import Vector
 from tssgeom.rig import Friction, Load, ShapeSensor
@@ -54,6 +57,13 @@ _DIRECTION_NOISE = math.radians(0.5)
 _CAMPAIGNS = ((None, 1), ("hidden_bend", 0))
 _KINDS = ("white", "no T_out", "by position")
 _MACHINES = ("force loop", "angles alone")
+_FOLLOWED = ("drifting_friction_sinusoid", "drifting_zeros", "growing_play")
+_SPOILT = tuple(one for one in FAULTS if one != "unplugged_tension_out_N")  # T_out is not measured
+_FOLLOWED_HOURS = 0.03
+_EVERY = 8  # samples of a followed run, of which one counts
+_FOLLOWED_MACHINE_S = 20.0
+_UNUSED = ("seconds", "exact")  # differs from run to run; of the true numbers, which nothing follows
+_BROKEN_MACHINES = (("pair", "frayed_tendon"), ("joint", "unplugged"), ("segment", "wet_sheath"))
 _EFFECTS = (
     {"name": "load_dependent_friction", "exponent": 0.2},
     {"name": "velocity_dependent_friction", "gain": 0.1},
@@ -238,6 +248,30 @@ def _calibrated(take: Take, kinds: Sequence[str]) -> Numbers:
     }
 
 
+def adapt(take: Take, *, quick: bool) -> Numbers:
+    """Return how far rigs that are followed are off, and after what time faults are detected and named."""
+    numbers: Numbers = {}
+    for name in _FOLLOWED[:1] if quick else _FOLLOWED:
+        one = adaptive.sound(_SCENARIOS[name], _EVERY, tension_out=False)._asdict()
+        _put(take, numbers, name, {key: one[key] for key in one if key not in _UNUSED})
+    for name in _SPOILT[:1] if quick else _SPOILT:
+        one = adaptive.fault(_SCENARIOS[name], _EVERY, tension_out=False)
+        _put(take, numbers, name, {"delay": one.delay, "named": one.named, "false": one.false_alarms})
+    for kind, fault in () if quick else _BROKEN_MACHINES:
+        one = adaptive_machines.sound(SCENARIOS[kind](1, _FOLLOWED_MACHINE_S))._asdict()
+        _put(take, numbers, kind, {key: one[key] for key in one if key not in _UNUSED})
+        delay, wrong = adaptive_machines.detected(kind, 1, fault)
+        _put(take, numbers, f"{kind}, {fault}", {"delay": delay, "named": not wrong})
+    return numbers
+
+
+def _put(take: Take, numbers: Numbers, label: str, values: Mapping[str, float]) -> None:
+    """Hand numbers over; -1 is the delay of an alarm that does not come."""
+    given = {key: float(np.nan_to_num(value, nan=-1.0)) for key, value in values.items()}
+    take(*given.values())
+    numbers |= {f"{key}, {label.replace('_', ' ')}": value for key, value in given.items()}
+
+
 def _rms(values: Sequence[float] | Vector) -> float:
     return float(np.sqrt(np.mean(np.square(np.asarray(values, dtype=float)))))
 
@@ -246,12 +280,15 @@ def _share(values: Sequence[bool]) -> float:
     return float(np.mean(values)) if values else math.nan
 
 
-CASES: Mapping[str, Callable[..., Numbers]] = {"route": route, "tendon": tendon, "identify": identify}
+CASES: Mapping[str, Callable[..., Numbers]] = {one.__name__: one for one in (route, tendon, identify, adapt)}
 _ROOM = list[Path]()
+_SCENARIOS = dict[str, Scenario]()
 
 
 def prepare() -> None:
-    """Write the campaigns, which no constant of the package moves: once for all runs."""
+    """Write the campaigns and run the independent simulator, which no constant moves: once for all runs."""
     _ROOM[:] = [Path(mkdtemp(prefix="campaigns-"))]
     for effect, seed in _CAMPAIGNS:
         make_campaign(_ROOM[0] / f"{effect or 'clean'}_{seed}", seed, effect)
+    for name in (*_FOLLOWED, *_SPOILT):
+        _SCENARIOS[name] = (DRIFTS | FAULTS)[name](1, _FOLLOWED_HOURS)
