@@ -13,6 +13,7 @@ from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.moving import MovingRoute
 
 EVERY = 2  # 50 Hz; chosen: half of the time
+WIDER = 1.5  # bars over errors of numbers that might begin to drift; docs/model.md (268)
 
 
 @pytest.fixture(
@@ -46,7 +47,7 @@ def test_bands_hold_the_truth_about_as_often_as_they_promise(case):
     low, high = chi2.ppf([0.025, 0.975], free) / free
     for one in (filtered, smoothed):
         assert np.all(one.coverage > 0.85)  # an error lasts a minute, and few of them are in one run
-        assert low < one.nees.mean() < high
+        assert low / WIDER**2 < one.nees.mean() < high
 
 
 def test_the_distal_tension_is_known_in_each_row_though_it_is_not_measured(case):

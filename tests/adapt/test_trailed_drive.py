@@ -22,7 +22,7 @@ def read(true, noise, seed=0):
     for one in true + noise * np.random.default_rng(seed).standard_normal(len(true)):
         turned = drive.take(float(one))
         if turned is not None:
-            drive.committed = turned
+            drive.committed = turned.value
         elif drive.needs_commit():
             drive.committed = drive.safe()
         yield drive, turned
@@ -31,7 +31,7 @@ def read(true, noise, seed=0):
 @pytest.mark.parametrize("seed", [2, 4])
 def test_a_drive_turns_where_it_does_and_nowhere_else(seed):
     for true, noise in drives(seed):
-        turned = np.array([one for _, one in read(true, noise) if one is not None])
+        turned = np.array([one.value for _, one in read(true, noise) if one is not None])
         moved = true[np.concatenate(([True], np.diff(true) != 0.0))]
         ways = np.sign(np.diff(moved))
         ends = moved[1:-1][ways[1:] != ways[:-1]]

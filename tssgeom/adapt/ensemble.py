@@ -22,7 +22,7 @@ from tssgeom.adapt.followed import FollowedNumber
 from tssgeom.adapt.members import PLAYS, SETTINGS, Members, Rows, Standing
 from tssgeom.adapt.readings import FollowedRig, Moment, noise_variance
 from tssgeom.adapt.stepped import Compared, Stepped, Taken
-from tssgeom.adapt.trailed_drive import TRAIL, TrailedDrive
+from tssgeom.adapt.trailed_drive import TRAIL, TrailedDrive, Turn
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.core.constants import CHANCE
 from tssgeom.errors import FitError
@@ -168,7 +168,7 @@ class Ensemble(Members):
         if not further.any():
             return
         up, down = further * np.maximum(self.random.uniform(-1.0, 1.0, (2, count, 1)), 0.0) ** 3  # (274)
-        there = driven + TRAIL.turn_error * noise * self.random.standard_normal((count, drives))
+        there = driven + noise * self.random.standard_normal((count, drives))
         begun, rows = self.kept, _with_probes(count, 0)
         try:
             for read in (driven + up, driven - down, there):
@@ -217,15 +217,15 @@ class Ensemble(Members):
         self._update_lines(values)
         return Taken(values, covariance, expected, moments, compared, innovation)
 
-    def _follow(self, turned: Sequence[float | None], at: Moment) -> None:
+    def _follow(self, turned: Sequence[Turn | None], at: Moment) -> None:
         """Move what is kept behind the drives, to where one has `turned`; members differ in where."""
         spread = np.zeros_like(self.committed)
         if self.of_machines or turned.count(None) < len(turned):
-            sd = np.array([TRAIL.turn_error * one.noise for one in self._driving])
+            sd = np.array([0.0 if one is None else one.error for one in turned])
             spread = self._deviations(sd, self._known())
         for i, (drive, one) in enumerate(zip(self._driving, turned, strict=True)):
             if one is not None:
-                drive.committed, self.committed[:, i] = one, one + spread[:, i]
+                drive.committed, self.committed[:, i] = one.value, one.value + spread[:, i]
             elif drive.way * (drive.safe() - drive.committed) > 0.0:
                 drive.committed = self.committed[:, i] = drive.safe()
         rows = _with_probes(len(self.members), 0)

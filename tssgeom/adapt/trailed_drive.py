@@ -1,4 +1,4 @@
-"""Where a drive is that is read with noise, and how far it is for sure; docs/model.md (251), (252), (239).
+"""Where a drive is that is read with noise, and how far it is for sure; docs/model.md (239), (251), (252).
 
 Friction keeps every turn, those of noise too. So the state that is kept trails the drive by more than its
 noise, and each frame is a step from there to where the drive is by now, which noise may move to and fro.
@@ -15,6 +15,7 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.linalg import cho_solve_banded, cholesky_banded
 
 from tssgeom.core.constants import CHANCE
 
@@ -29,15 +30,10 @@ class TrailSettings(NamedTuple):
     """Share of the evidence for each filter that counts at the next reading [1]. Measured: of 0.7, 0.8 and
     0.9 the least error, with error bars that are nearest to right."""
     longest: int = 64
-    """Most readings whose mean says where a leg ended [1]; chosen."""
+    """Most readings that say where a leg ended [1]; chosen."""
     may_turn: float = 2.5
     """Noises behind its farthest value from which a drive may have turned, and readings are not used [1];
     chosen."""
-    sharp: float = 1.8
-    """Standard deviations by which the farthest of the means of a leg is beyond its end [1]. Measured: 2 is
-    0.15 noises short, 1.6 leaves 0.6."""
-    turn_error: float = 0.5
-    """Standard deviation of where it turned, over the noise [1]; measured."""
     most_behind: float = 8.0
     """Noises by which it trails the drive at most [1]. Measured: with 8, 16 and 24 errors are alike; 24 takes
     a fifth fewer steps, but one in some thousand of a machine then has no equilibrium."""
@@ -76,7 +72,20 @@ def _gains() -> _Gains:
 
 
 _GAINS = _gains()
+_BEND = np.array([1.0, -2.0, 1.0])
+_BY_NOISE = np.array([1.0, -4.0, 6.0])
+"""Covariance of second differences of independent readings, over the variance of one: by how far apart these
+are, two, one and none [1]."""
 _ARRAYS = ("recent", "values", "speeds", "evidence")
+
+
+class Turn(NamedTuple):
+    """Where a drive has turned."""
+
+    value: float
+    """In the unit of the drive."""
+    error: float
+    """Its standard error."""
 
 
 class TrailedDrive:
@@ -121,7 +130,7 @@ class TrailedDrive:
         """Standard error of where it is, over the noise of a reading [1]."""
         return self.error / self.noise if self.noise > 0.0 else 1.0
 
-    def take(self, reading: float) -> float | None:
+    def take(self, reading: float) -> Turn | None:
         """Take in a reading; return where the drive has turned, if it has."""
         self._track(reading)
         self.reading = reading
@@ -133,7 +142,7 @@ class TrailedDrive:
             self.position = self.value
         return turned
 
-    def _turned(self) -> float | None:
+    def _turned(self) -> Turn | None:
         way, behind = self.way, self.farthest - self.value
         if way == 0:
             if abs(behind) > CHANCE.never * self.noise:
@@ -143,7 +152,8 @@ class TrailedDrive:
         if way * behind <= CHANCE.never * self.noise:
             return None
         readings = way * np.array(self.recent)
-        turned = way * max(_end_of_leg(readings, self.noise), way * self.committed)
+        end, error = _turn_of(readings, self.noise)
+        turned = Turn(way * max(end, way * self.committed), error)
         behind_turn = readings[np.argmax(readings) + 1 :]
         self.recent.clear()
         self.recent.extend((way * behind_turn).tolist())
@@ -239,10 +249,35 @@ class TrailedDrive:
         return self.way * (self.position - self.committed) > TRAIL.most_behind * self.noise
 
 
-def _end_of_leg(readings: np.ndarray, noise: float) -> float:
-    """Return how far a drive went that then turned back, by the means of its readings of many widths."""
-    sums, best, count = np.concatenate(([0.0], np.cumsum(readings))), -math.inf, 1
-    while count <= min(TRAIL.longest, len(readings)):
-        farthest = float((sums[count:] - sums[:-count]).max()) / count
-        best, count = max(best, farthest - TRAIL.sharp * noise / math.sqrt(count)), 2 * count
-    return best
+def _turn_of(readings: np.ndarray, noise: float) -> Turn:
+    """Return how far a drive went that then turned back, by readings that increase to there; (297)."""
+    if noise == 0.0 or len(readings) < len(_BEND):
+        return Turn(float(readings.max()), noise)
+    near = _about_the_farthest(readings / noise)
+    bent = np.diff(near, 2)
+    diagonals = np.repeat(_BY_NOISE[:, None], len(bent), axis=1)
+    ends, variances, evidence = (np.empty(len(TRAIL.jerks)) for _ in range(3))
+    for i, jerk in enumerate(TRAIL.jerks):
+        diagonals[2] = _BY_NOISE[2] + jerk * jerk
+        factor = cholesky_banded(diagonals, check_finite=False)
+        whitened = cho_solve_banded((factor, False), bent, check_finite=False)
+        smooth = near - np.convolve(whitened, _BEND)
+        last = int(smooth.argmax())
+        moves = np.diff(np.eye(len(near))[last], 2)
+        ends[i] = smooth[last]
+        variances[i] = 1.0 - moves @ cho_solve_banded((factor, False), moves, check_finite=False)
+        evidence[i] = -0.5 * (bent @ whitened) - np.log(factor[2]).sum()
+    share = np.exp(evidence - evidence.max())
+    share /= share.sum()
+    end = float(share @ ends)
+    return Turn(noise * end, noise * math.sqrt(share @ (variances + (ends - end) ** 2)))
+
+
+def _about_the_farthest(readings: np.ndarray) -> np.ndarray:
+    """Return the readings, in noises, that lie about the farthest of their means of three, and two before."""
+    top = 1 + int((readings[:-2] + readings[1:-1] + readings[2:]).argmax())
+    far = np.flatnonzero(readings < readings[top] - CHANCE.never)
+    stop = int(min(far[far > top], default=len(readings)))
+    start = int(max(far[far < top], default=1)) - 1
+    start = max(min(start, stop - len(_BEND)), stop - TRAIL.longest, 0)
+    return readings[start : max(stop, start + len(_BEND))]
