@@ -23,7 +23,7 @@ Report = Mapping[str, Any]
 NAMING = ("effect", "tie", "law", "partial")
 """Verdicts that name something."""
 _FREE_SLOPE = ("strain_over_tension", "sensor_curve")
-_FREE_ZERO = (*_FREE_SLOPE, "stretch_at_end", "sensor_drift", "strain_over_time")
+_FREE_ZERO = (*_FREE_SLOPE, "stretch_at_end", "sensor_drift", "load_over_position")
 
 
 @dataclass(frozen=True, slots=True)
@@ -228,7 +228,8 @@ def law_held(outcome: Outcome) -> float:
     """Return the share of points at which the band of the learned law holds the true one; NaN without a band.
 
     What no measurement separates from the base model is freed first: the factor of a law of friction, the
-    zero of strains, readings and stretches, and the slope of strain and of a cell's curve.
+    compliance under creep, the zero of strains, readings and stretches, and the slope of strain and of a
+    cell's curve.
     """
     effect, true = first_effect(outcome), outcome.truth["law"]
     law = effect.get("law") if effect else None
@@ -236,13 +237,17 @@ def law_held(outcome: Outcome) -> float:
         return math.nan
     if law.get("unit") != true["unit"]:
         return 0.0
-    x, value = np.array(law["x"], dtype=float), np.array(law["value"], dtype=float)
+    return band_share(law, true, outcome.truth["mechanism"])
+
+
+def band_share(law: Mapping[str, Any], true: Mapping[str, Any], kind: str) -> float:
+    """Return the share of points of a law, as reports have it, where its band holds the true one."""
+    x, value, low, high = (np.array(law[key], dtype=float) for key in ("x", "value", "lo", "hi"))
     inside = (x >= true["x"][0]) & (x <= true["x"][-1])
     if not inside.any():
         return 0.0
-    x, value = x[inside], value[inside]
-    low, high = (np.array(law[key], dtype=float)[inside] for key in ("lo", "hi"))
-    goal = _freed(np.interp(x, true["x"], true["value"]), x, value, outcome.truth["mechanism"])
+    x, value, low, high = (each[inside] for each in (x, value, low, high))
+    goal = _freed(np.interp(x, true["x"], true["value"]), x, value, kind)
     return float(np.mean((low <= goal) & (goal <= high)))
 
 
@@ -250,6 +255,9 @@ def _freed(goal: np.ndarray, x: np.ndarray, value: np.ndarray, kind: str) -> np.
     """Return the true law [n] with what is free of it taken from a learned one [n]."""
     if kind.startswith("friction_over"):
         return goal * float(goal @ value) / float(goal @ goal)
+    if kind == "strain_over_time":
+        whole, learned = 1.0 + goal, 1.0 + value
+        return whole * float(whole @ learned) / float(whole @ whole) - 1.0
     if kind in _FREE_SLOPE and len(x) > 2:
         slope, zero = np.polyfit(x, value - goal, 1)
         return goal + slope * x + zero

@@ -201,8 +201,13 @@ def _stiffening(case: Case) -> None:
     rise = 0.12 * case.size * rig.stiffness / most**2
     x = np.linspace(-0.2 * most, 1.5 * most, 400)
     extra = rise * np.abs(x) ** 3 * np.sign(x)
-    rig.load = Table(x, rig.pretension + rig.stiffness * x + extra)
-    case.law = ("displacement_out", "N", lambda at: rise * np.asarray(at) ** 3)
+    load = rig.load = Table(x, rig.pretension + rig.stiffness * x + extra)
+
+    def beyond(tension: Array) -> Array:
+        """Return the movement beyond that of the spring."""
+        return np.interp(tension, load.value, load.x) - (tension - rig.pretension) / rig.stiffness
+
+    case.law = ("tension_out", "m", beyond)
 
 
 def _end_stretch(case: Case) -> None:

@@ -11,8 +11,9 @@ from tests.bristle.laws import STEP
 from tssgeom.effects import ChannelLag, CreepLaw, FrictionLaw, SensorLaw, StretchLaw
 from tssgeom.identify.fit import Point, base_fit
 from tssgeom.identify.law_finding import curve
-from tssgeom.identify.law_fit import LAW_FIT, Added, Term, fitted, score, straight_model, with_terms
+from tssgeom.identify.law_fit import LAW_FIT, Added, Term, fitted, score, with_terms
 from tssgeom.identify.law_search import Offer, in_order
+from tssgeom.identify.law_smoothness import law_precision, straight_model
 from tssgeom.identify.mechanisms import mechanisms
 from tssgeom.identify.readings import readings
 from tssgeom.identify.workflow import discover
@@ -44,7 +45,7 @@ def test_every_mechanism_begins_at_the_base_model(problem):
 def test_the_prior_of_a_law_leaves_straight_lines_free(problem):
     one = named(problem[0], "friction_over_tension")
     line, wave = one.warped - 0.5, np.cos(3.0 * np.pi * one.warped)
-    stiff, level = one.penalty(0.1, LAW_FIT.level), np.eye(one.size) / LAW_FIT.level**2
+    stiff, level = law_precision(one, 0.1, LAW_FIT.level), np.eye(one.size) / LAW_FIT.level**2
     assert line @ (stiff - level) @ line == pytest.approx(0.0, abs=1e-9)
     assert wave @ (stiff - level) @ wave > 1e3
 
@@ -177,6 +178,6 @@ def test_steps_of_a_rising_law_have_the_prior_of_the_law_itself(problem):
     given, _, _ = problem
     one = named(given, "stretch_at_end:proximal")
     steps = np.random.default_rng(1).uniform(size=one.size)
-    rough = one.penalty(0.3, np.inf)
-    itself = replace(one, rising=False).penalty(0.3, np.inf)
+    rough = law_precision(one, 0.3, np.inf)
+    itself = law_precision(replace(one, rising=False), 0.3, np.inf)
     assert steps @ rough @ steps == pytest.approx(np.cumsum(steps) @ itself @ np.cumsum(steps))

@@ -15,12 +15,10 @@ from tssgeom.identify.assembly import estimates
 from tssgeom.identify.finding import Candidate, Evidence, LawCurve
 from tssgeom.identify.law_fit import LawFit
 from tssgeom.identify.law_search import LawSearch, Offer, as_fit, needed
-from tssgeom.identify.mechanisms import Mechanism
+from tssgeom.identify.mechanisms import KNOTS, Mechanism
 from tssgeom.identify.screening import detection_limits, size_over_limit
 from tssgeom.identify.selection import name_of
 from tssgeom.statistics import NORMAL_95
-
-_POINTS = 25  # of a curve in a report; chosen
 
 
 def law_candidates(search: LawSearch, held_ratio: float) -> tuple[Candidate, ...]:
@@ -123,9 +121,9 @@ def curve(fit: LawFit, which: int, nearest: tuple[tuple[str, float], ...] = ()) 
 
 
 def _finer(one: Mechanism, *values: Vector) -> tuple[Vector, list[Vector]]:
-    """Return the knots of a curve made dense, and values there; of numbers that make no curve as they are."""
-    if len(one.x) < 4:
+    """Return the knots of a curve made dense, and values there; what has no knots as it is."""
+    if len(one.x) != len(one.warped) or len(one.x) < 2:
         return one.x, list(values)
-    dense = np.linspace(0.0, 1.0, _POINTS)
+    dense = np.linspace(0.0, 1.0, KNOTS.reported)
     x = core.tabulated(core.table_of(one.warped, one.x), dense)
     return x, [core.tabulated(core.table_of(one.x, each), x) for each in values]

@@ -1,15 +1,14 @@
 """Fit of free laws inside the forward model: smoothness by marginal likelihood, bands from the posterior.
 
 Each law has a Gaussian prior on its second differences; the rest is the fit of `fit.py`, by the method of
-Levenberg and Marquardt. Source: docs/model.md (189), (190); S. N. Wood, Fast stable restricted maximum
-likelihood and marginal likelihood estimation of semiparametric generalized linear models, J. R. Stat. Soc. B
-73 (2011).
+Levenberg and Marquardt. Source: docs/model.md (189), (190), (293), (294).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +16,7 @@ import numpy as np
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.errors import FitError, SettingsError
 from tssgeom.identify.fit import Point, Problem, posed_about, prior_deviation, prior_sd
+from tssgeom.identify.law_smoothness import law_precision, straight_model
 from tssgeom.identify.mechanisms import Mechanism
 from tssgeom.least_squares import SOLVER, Solution, derivatives, solve
 from tssgeom.least_squares import Problem as LeastSquares
@@ -27,7 +27,7 @@ class LawFitSettings:
     """Priors and steps of the fit of laws."""
 
     roughness: tuple[float, ...] = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0)
-    """S.d. of second derivatives that are tried, in u; chosen: from a straight line to none at all."""
+    """S.d. of derivatives that are tried, in u; chosen: from a straight line to none at all."""
     level: float = 3.0
     """S.d. of each number of a law by itself, in u; chosen: free but for what is absurd."""
     whole: int = 4
@@ -46,6 +46,8 @@ class Term:
     mechanism: Mechanism
     u: Vector
     roughness: float
+    order: int = 2
+    """Of the derivatives that the prior holds."""
 
     @property
     def at_bound(self) -> bool:
@@ -139,14 +141,15 @@ def fitted(
     terms: Sequence[Term],
     passes: int = LAW_FIT.whole,
     added: Added | None = None,
+    orders: tuple[int, ...] = (2,),
 ) -> LawFit | None:
     """Fit a model with laws from a start; None where it finds no equilibrium near it.
 
     The derivatives are those of the last pass but one; `passes` is how often they are taken, with what was
-    `added` only those of its numbers.
+    `added` only those of its numbers. `orders` are those of the priors that laws may have.
     """
     for _ in range(LAW_FIT.halvings):
-        laws = _Laws(problem, at, tuple(terms))
+        laws = _Laws(problem, at, tuple(terms), orders)
         posed = laws.posed() if added is None else _sharing(laws.posed(), added)
         end = solve(posed, laws.start, passes if terms or at.free else 0)
         if end is not None:
@@ -179,6 +182,7 @@ class _Laws:
     at: Point
     terms: tuple[Term, ...]
     """With the last roughness."""
+    orders: tuple[int, ...] = (2,)
 
     @property
     def start(self) -> Vector:
@@ -201,7 +205,7 @@ class _Laws:
     def smoothed(self, u: Vector, residual: Vector, jacobian: Matrix) -> Matrix:
         """Return the precision of the prior with the likeliest roughness of each law."""
         at, terms = self.model_at(u)
-        self.terms = _smoothed(self.problem, at, terms, -jacobian, residual)
+        self.terms = _smoothed(self, at, terms, -jacobian, residual)
         return _precision(at, self.terms)
 
     def posed(self) -> LeastSquares[None]:
@@ -236,7 +240,7 @@ class _Laws:
 def _precision(at: Point, terms: Sequence[Term]) -> Matrix:
     """Return the precision of the prior of all numbers."""
     blocks = [np.diag(prior_sd(at) ** -2.0)]
-    blocks += [term.mechanism.penalty(term.roughness, LAW_FIT.level) for term in terms]
+    blocks += [law_precision(one.mechanism, one.roughness, LAW_FIT.level, one.order) for one in terms]
     size = sum(len(block) for block in blocks)
     out, start = np.zeros((size, size)), 0
     for block in blocks:
@@ -251,50 +255,25 @@ def _deviation(problem: Problem, at: Point, terms: Sequence[Term]) -> Vector:
     return np.concatenate([prior_deviation(problem, at), *(term.u for term in terms)])
 
 
-@dataclass(frozen=True, slots=True)
-class Straight:
-    """A model made straight, as far as its evidence needs it."""
-
-    information: Matrix
-    """[numbers, numbers]"""
-    slope: Vector
-    """[numbers]"""
-    square: float
-    """Of all residuals from the centre of the priors [1]."""
-
-    def evidence(self, precision: Matrix) -> float:
-        """Return the log evidence under a prior of this precision; docs/model.md (190)."""
-        normal = self.information + precision
-        gain = float(self.slope @ np.linalg.solve(normal, self.slope))
-        (_, whole), (_, prior) = np.linalg.slogdet(normal), np.linalg.slogdet(precision)
-        return -0.5 * (self.square - gain + float(whole) - float(prior))
-
-
-def straight_model(jacobian: Matrix, residual: Vector, deviation: Vector) -> Straight:
-    """Make a model straight about numbers that are so far from the centre of their priors.
-
-    Parameters
-    ----------
-    jacobian
-        [rows, numbers] Of the whitened prediction [1].
-    residual
-        [rows] Measured less predicted, whitened [1].
-    deviation
-        Of the first numbers; those behind are at their centres.
-    """
-    pseudo = residual + jacobian[:, : len(deviation)] @ deviation
-    return Straight(jacobian.T @ jacobian, jacobian.T @ pseudo, float(pseudo @ pseudo))
-
-
 def _smoothed(
-    problem: Problem, at: Point, terms: tuple[Term, ...], jacobian: Matrix, residual: Vector
+    laws: _Laws, at: Point, terms: tuple[Term, ...], jacobian: Matrix, residual: Vector
 ) -> tuple[Term, ...]:
-    """Return the laws with the roughness that the readings make most likely, one law after the other."""
-    straight = straight_model(jacobian, residual, _deviation(problem, at, terms))
+    """Return the laws with the prior that the readings make most likely, one law after the other."""
+    straight = straight_model(jacobian, residual, _deviation(laws.problem, at, terms))
     for which in range(len(terms)):
-        tried = [
-            (*terms[:which], replace(terms[which], roughness=roughness), *terms[which + 1 :])
-            for roughness in LAW_FIT.roughness
-        ]
+        tried = [(*terms[:which], one, *terms[which + 1 :]) for one in _priors(terms[which], laws.orders)]
         terms = max(tried, key=lambda one: straight.evidence(_precision(at, one)))
     return terms
+
+
+def _priors(term: Term, orders: tuple[int, ...]) -> Iterator[Term]:
+    """Yield a law with every prior that it may have."""
+    for order, roughness in product(orders, LAW_FIT.roughness):
+        yield replace(term, order=order, roughness=roughness)
+
+
+def spread_over_priors(problem: Problem, fit: LawFit, orders: tuple[int, ...]) -> LawFit:
+    """Return a fit with the covariance over all priors that its laws may have; docs/model.md (294)."""
+    straight = straight_model(fit.jacobian, fit.residual, _deviation(problem, fit.at, fit.terms))
+    every = product(*(tuple(_priors(term, orders)) for term in fit.terms))
+    return replace(fit, covariance=straight.covariance([_precision(fit.at, terms) for terms in every]))

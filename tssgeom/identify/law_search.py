@@ -14,6 +14,7 @@ import numpy as np
 
 from tssgeom.errors import FitError, SettingsError
 from tssgeom.identify.fit import Fit, Point, Problem, explained, freed
+from tssgeom.identify.law_bands import with_bands, with_finest_knots
 from tssgeom.identify.law_fit import Added, LawFit, Score, Term, fitted, score
 from tssgeom.identify.mechanisms import MECHANISM_OF, Mechanism, mechanisms
 from tssgeom.identify.misfit import HeldOut
@@ -131,7 +132,24 @@ def searched(
         now = taken.fit
         if explained(now.chi2, problem.stack.size):
             break
-    return LawSearch(problem, start, *_pruned(problem, now, held, start), tuple(rounds))
+    least, added, fallen = _pruned(problem, now, held, start)
+    return LawSearch(problem, start, _finest(problem, least, held, start), added, fallen, tuple(rounds))
+
+
+def _finest(problem: Problem, fit: LawFit, held: HeldOut | None, base: LawFit) -> LawFit:
+    """Return a fit with bands, and with as many knots as a rig can hold, where that fits as well; (294)."""
+    if not fit.terms:
+        return fit
+    again = with_finest_knots(problem, fit)
+    if (
+        again is not None
+        and 2.0 * (again.log_evidence - fit.log_evidence) > -needed(fit)
+        and not any(term.at_bound for term in again.terms)
+        and _holds_with_fine_bars(problem, held, again)
+        and (held is None or not held.change(base.at, base.at, again.point).worse)
+    ):
+        fit = again
+    return with_bands(problem, fit)
 
 
 def _pruned(

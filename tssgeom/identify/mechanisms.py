@@ -13,7 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tssgeom.arrays import Matrix, Vector
+from tssgeom.arrays import Vector
+from tssgeom.core.constants_tendon_rows import TABLE
 from tssgeom.effects import AnyEffect, ChannelLag, CreepLaw, FrictionLaw, SensorLaw, StretchLaw
 from tssgeom.effects.laws import FrictionOver, StretchOf
 from tssgeom.identify.prediction import CELLS, Stack
@@ -76,6 +77,8 @@ class KnotSettings:
     """Knots over the arc length; chosen: a tenth of the length is what several routes can part."""
     creep_s: tuple[float, ...] = (0.02, 0.1, 0.5)
     """Of the duration of a run: times of creep [1]; chosen: they cover the run."""
+    reported: int = 25
+    """Points of a curve in a report; chosen."""
     slow: float = 0.03
     """Of the fastest speed: the slowest knot but that at rest [1]; chosen."""
     least_span: float = 0.05
@@ -89,6 +92,8 @@ class KnotSettings:
 
 
 KNOTS = KnotSettings()
+FINEST = KnotSettings(usual=TABLE.most, over_curvature=TABLE.most, along=TABLE.most)
+"""As many knots as a law of a rig can have; with more, bands hold no more often, (294)."""
 _MOST = math.log(10.0)  # of ln f: friction by more than a factor of ten is at its bound
 
 
@@ -99,13 +104,13 @@ class Mechanism:
     name: str
     """As in a report: `friction_over_speed`; with the channel, or which end, behind a colon."""
     x: Vector
-    """[k] Knots, in SI."""
+    """[k] Knots, in SI; of creep, which has times for knots, any number of times since a step of tension."""
     warped: Vector
-    """[k] The knots where steps are even to the law: its second differences are taken there, over 0 to 1."""
+    """[k] The knots where steps are even to the law: its differences are taken there, over 0 to 1."""
     effect: Callable[[Vector], AnyEffect]
     """Takes u [k]; raises SettingsError beyond what physics allows."""
     value: Callable[[Vector], Vector]
-    """Takes u [k]; gives the law at the knots, in SI; friction without the coefficient."""
+    """Takes u [k]; gives the law at x, in SI; friction without the coefficient."""
     unit: str
     """Of the value."""
     over: str
@@ -125,33 +130,10 @@ class Mechanism:
         """Numbers that are fitted."""
         return len(self.warped) - self.pinned + self.more
 
-    def penalty(self, roughness: float, level: float) -> Matrix:
-        """Return the precision of the prior of u [k, k].
 
-        Parameters
-        ----------
-        roughness
-            S.d. of its second derivative over the warped knots, in u.
-        level
-            S.d. of each number by itself, in u.
-        """
-        t = self.warped
-        out = np.eye(self.size) / level**2
-        if len(t) < 3:
-            return out
-        second = np.zeros((len(t) - 2, len(t) + self.more))
-        for i in range(len(t) - 2):
-            before, after = t[i + 1] - t[i], t[i + 2] - t[i + 1]
-            row = np.array([1.0 / before, -1.0 / before - 1.0 / after, 1.0 / after])
-            second[i, i : i + 3] = row * math.sqrt(2.0 / (before + after))
-        second = second[:, self.pinned :]
-        second = np.cumsum(second[:, ::-1], axis=1)[:, ::-1] if self.rising else second
-        return out + second.T @ second / roughness**2
-
-
-def mechanisms(stack: Stack, rig: Rig) -> tuple[Mechanism, ...]:
+def mechanisms(stack: Stack, rig: Rig, knots: KnotSettings = KNOTS) -> tuple[Mechanism, ...]:
     """Return the free laws that these readings could show."""
-    return tuple(one for make in _MAKERS for one in make(stack, rig))
+    return tuple(one for make in _MAKERS for one in make(stack, rig, knots))
 
 
 def _friction(over: FrictionOver, x: Vector, unit: str) -> Mechanism:
@@ -182,36 +164,36 @@ def _friction_over_speed(x: Vector) -> Mechanism:
     return Mechanism(*law, -most, most, more=1)
 
 
-def _frictions(stack: Stack, rig: Rig) -> Iterator[Mechanism]:
+def _frictions(stack: Stack, rig: Rig, knots: KnotSettings) -> Iterator[Mechanism]:
     runs = stack.readings
     least, most = _tensions(runs, rig)
     if most - least > KNOTS.least_span * most:
-        yield _friction("tension", np.linspace(least, most, KNOTS.usual), "N")
+        yield _friction("tension", np.linspace(least, most, knots.usual), "N")
     fast = _fastest(runs)
     if fast > 0.0:
-        moving = np.geomspace(KNOTS.slow, 1.0, KNOTS.usual - 1)
+        moving = np.geomspace(KNOTS.slow, 1.0, knots.usual - 1)
         yield _friction_over_speed(fast * np.concatenate(([0.0], moving)))
     every = np.concatenate([run.route.arcs.angle / run.route.arcs.length for run in runs])
     curved = every[every > 0.0].tolist()
     if curved and max(curved) - min(curved) > KNOTS.least_span * max(curved):
-        yield _friction("curvature", np.linspace(min(curved), max(curved), KNOTS.over_curvature), "per_m")
+        yield _friction("curvature", np.linspace(min(curved), max(curved), knots.over_curvature), "per_m")
     length = min(run.route.arcs.total_length for run in runs)
-    yield _friction("arc_length", np.linspace(0.0, length, KNOTS.along), "m")
+    yield _friction("arc_length", np.linspace(0.0, length, knots.along), "m")
     travel, time = max(_travel(run) for run in runs), max(float(np.ptp(run.time)) for run in runs)
-    yield _friction("travel", np.linspace(0.0, travel, KNOTS.usual), "m")
-    yield _friction("time", np.linspace(0.0, time, KNOTS.usual), "s")
+    yield _friction("travel", np.linspace(0.0, travel, knots.usual), "m")
+    yield _friction("time", np.linspace(0.0, time, knots.usual), "s")
     if all("displacement_in_m" in run.given for run in runs):
         pulled = np.concatenate([run.given["displacement_in_m"] for run in runs])
         if np.ptp(pulled) > 0.0:
             low, high = float(pulled.min()), float(pulled.max())
-            yield _friction("position", np.linspace(low, high, KNOTS.usual), "m")
+            yield _friction("position", np.linspace(low, high, knots.usual), "m")
 
 
-def _stretches(stack: Stack, rig: Rig) -> Iterator[Mechanism]:
+def _stretches(stack: Stack, rig: Rig, knots: KnotSettings) -> Iterator[Mechanism]:
     _, most = _tensions(stack.readings, rig)
     length = min(run.route.arcs.total_length for run in stack.readings)
     strain = KNOTS.stretch * rig.tendon.compliance_per_N * most
-    x = np.concatenate(([0.0], most * np.linspace(0.0, 1.0, KNOTS.usual)[1:] ** 1.5))
+    x = np.concatenate(([0.0], most * np.linspace(0.0, 1.0, knots.usual)[1:] ** 1.5))
     which: tuple[tuple[StretchOf, str, float, str], ...] = (
         ("sheath", "strain_over_tension", strain, "1"),
         ("proximal", "stretch_at_end:proximal", strain * length, "m"),
@@ -239,22 +221,22 @@ def _stretch(of: StretchOf, name: str, x: Vector, unit: float, si: str) -> Mecha
     return Mechanism(*law, pinned=True, rising=rising)
 
 
-def _creeps(stack: Stack, rig: Rig) -> Iterator[Mechanism]:
+def _creeps(stack: Stack, rig: Rig, knots: KnotSettings) -> Iterator[Mechanism]:
     span = max(float(np.ptp(run.time)) for run in stack.readings)
-    times = span * np.array(KNOTS.creep_s)
+    times, since = span * np.array(KNOTS.creep_s), np.linspace(0.0, span, KNOTS.reported)
+    share = -np.expm1(-since[:, None] / times)
 
     def value(u: Vector) -> Vector:
-        return KNOTS.stretch * u
+        return KNOTS.stretch * share @ u
 
     def effect(u: Vector) -> AnyEffect:
-        return CreepLaw(time_s=tuple(times.tolist()), ratio=tuple(value(u).tolist()))
+        return CreepLaw(time_s=tuple(times.tolist()), ratio=tuple((KNOTS.stretch * u).tolist()))
 
-    yield Mechanism(
-        "strain_over_time", times, np.linspace(0.0, 1.0, 3), effect, value, "1", "time_s", lower=0.0
-    )
+    even = np.linspace(0.0, 1.0, len(times))
+    yield Mechanism("strain_over_time", since, even, effect, value, "1", "time_s", lower=0.0)
 
 
-def _sensors(stack: Stack, rig: Rig) -> Iterator[Mechanism]:
+def _sensors(stack: Stack, rig: Rig, knots: KnotSettings) -> Iterator[Mechanism]:
     runs = stack.readings
     span = max(float(np.ptp(run.time)) for run in runs)
     drive = runs[0].drive
@@ -263,9 +245,9 @@ def _sensors(stack: Stack, rig: Rig) -> Iterator[Mechanism]:
         read = np.concatenate([column[np.isfinite(column)] for column in columns if column is not None])
         unit = KNOTS.sensor_unit * max(run.noise.get(channel, 0.0) for run in runs)
         if channel in CELLS and np.ptp(read) > 0.0:
-            x = np.linspace(float(read.min()), float(read.max()), KNOTS.usual)
+            x = np.linspace(float(read.min()), float(read.max()), knots.usual)
             yield _sensor(channel, "reading", x, unit, f"{channel}")
-        yield _sensor(channel, "time", np.linspace(0.0, span, KNOTS.usual), unit, "time_s")
+        yield _sensor(channel, "time", np.linspace(0.0, span, knots.usual), unit, "time_s")
     yield _lag(drive)
 
 
