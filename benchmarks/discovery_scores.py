@@ -229,7 +229,7 @@ def law_held(outcome: Outcome) -> float:
 
     What no measurement separates from the base model is freed first: the factor of a law of friction, the
     compliance under creep, the zero of strains, readings and stretches, and the slope of strain and of a
-    cell's curve.
+    cell's curve. Where the band is wide it counts less for that.
     """
     effect, true = first_effect(outcome), outcome.truth["law"]
     law = effect.get("law") if effect else None
@@ -247,21 +247,27 @@ def band_share(law: Mapping[str, Any], true: Mapping[str, Any], kind: str) -> fl
     if not inside.any():
         return 0.0
     x, value, low, high = (each[inside] for each in (x, value, low, high))
-    goal = _freed(np.interp(x, true["x"], true["value"]), x, value, kind)
+    width = high - low
+    weight = 1.0 / np.maximum(width, 1e-2 * max(float(np.median(width)), 1e-12))
+    goal = _freed(np.interp(x, true["x"], true["value"]), x, value, kind, weight)
     return float(np.mean((low <= goal) & (goal <= high)))
 
 
-def _freed(goal: np.ndarray, x: np.ndarray, value: np.ndarray, kind: str) -> np.ndarray:
-    """Return the true law [n] with what is free of it taken from a learned one [n]."""
+def _freed(goal: np.ndarray, x: np.ndarray, value: np.ndarray, kind: str, weight: np.ndarray) -> np.ndarray:
+    """Return the true law [n] with what is free of it taken from a learned one [n], by weights [n]."""
+
+    def scaled(true: np.ndarray, learned: np.ndarray) -> np.ndarray:
+        own, other = weight * true, weight * learned
+        return true * float(own @ other) / float(own @ own)
+
     if kind.startswith("friction_over"):
-        return goal * float(goal @ value) / float(goal @ goal)
+        return scaled(goal, value)
     if kind == "strain_over_time":
-        whole, learned = 1.0 + goal, 1.0 + value
-        return whole * float(whole @ learned) / float(whole @ whole) - 1.0
+        return scaled(1.0 + goal, 1.0 + value) - 1.0
     if kind in _FREE_SLOPE and len(x) > 2:
-        slope, zero = np.polyfit(x, value - goal, 1)
+        slope, zero = np.polyfit(x, value - goal, 1, w=weight)
         return goal + slope * x + zero
-    return goal + float(np.mean(value - goal)) if kind in _FREE_ZERO else goal
+    return goal + float(np.average(value - goal, weights=weight**2)) if kind in _FREE_ZERO else goal
 
 
 def answer(outcome: Outcome) -> str:

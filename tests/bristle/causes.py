@@ -203,9 +203,12 @@ def _stiffening(case: Case) -> None:
     extra = rise * np.abs(x) ** 3 * np.sign(x)
     load = rig.load = Table(x, rig.pretension + rig.stiffness * x + extra)
 
+    moved = Table(load.value, load.x)
+
     def beyond(tension: Array) -> Array:
         """Return the movement beyond that of the spring."""
-        return np.interp(tension, load.value, load.x) - (tension - rig.pretension) / rig.stiffness
+        at = np.array([moved.at(each) for each in np.atleast_1d(tension)])
+        return at - (tension - rig.pretension) / rig.stiffness
 
     case.law = ("tension_out", "m", beyond)
 
