@@ -173,6 +173,21 @@ def test_what_cannot_act_in_a_machine_is_not_tried():
     assert not names & {"end_play", "drive_friction", "tension_in_gain", "backlash", "load_stiffness"}
 
 
+@pytest.mark.parametrize("share", [1.0, 0.02])
+def test_the_play_of_a_motor_is_tried_at_a_width_of_its_stroke(share):
+    given = columns(2, torque=False)
+    given["motor_angle_rad"] = share * given["motor_angle_rad"]
+    run = machine_run("run", given, [route_of_rig(rig(2))], rig(2))
+    (part,) = (each for each in parts_of(rig(2), [], [run]) if each.name == "drive_play")
+    assert part.switch.start == pytest.approx(0.01 * np.ptp(given["motor_angle_rad"]), rel=1e-3)
+    noise = np.random.default_rng(1).normal(0.0, 0.02 * share, len(given["time_s"]))
+    loud = machine_run(
+        "run", given | {"motor_angle_rad": given["motor_angle_rad"] + noise}, [route_of_rig(rig(2))], rig(2)
+    )
+    (part,) = (each for each in parts_of(rig(2), [], [loud]) if each.name == "drive_play")
+    assert part.switch.start == pytest.approx(3.0 * 0.02 * share, rel=0.1)  # noise hides what is narrower
+
+
 @cache
 def work_of_play():
     """What the steps leave of a pair whose joint has play."""

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 
+from tssgeom.core.constants import CHANCE
 from tssgeom.effects import KINDS, Library, snake, with_size
 from tssgeom.identify.finding import RigNumber
 from tssgeom.identify.fit import FIT
@@ -32,6 +33,8 @@ class PartSettings:
     """Standard deviation of the error of a gain [1]; chosen: a tenth, more is a wrong unit."""
     known: float = 0.5
     """Of a number that the rig gives: standard deviation of its error [1]; chosen: a half."""
+    play: float = 0.01
+    """Of the range of the drive: play that is tried first, where its noise does not hide that [1]; chosen."""
     pushed: float = 2.0
     """Scales from which a part is tried, apart by this factor from the typical one [1]; chosen."""
 
@@ -217,7 +220,7 @@ def _of_rig(rig: Rig, free: Sequence[str], runs: Sequence[MachineRun]) -> Iterat
     answers, late = list(dict.fromkeys(name for run in runs for name in run.measured)), list[str]()
     for each in _CHOICES:
         if each.key not in free and _applies(each.key, rig, runs, answers):
-            yield _freed(each, rig)
+            yield _freed(each, rig, runs)
     yield from drive_lag(rig, free, runs)
     for name in answers:
         known = rig.sensors.get(name)
@@ -266,7 +269,7 @@ def _of_channel(
     return Part(name, RigNumber(key=key), (number,), MEANINGS[name])
 
 
-def _freed(each: _Choice, rig: Rig) -> Part:
+def _freed(each: _Choice, rig: Rig, runs: Sequence[MachineRun]) -> Part:
     table, last = each.key.split(".")
     now = float(getattr(getattr(rig, table), last))
     lower = 0.0
@@ -274,9 +277,18 @@ def _freed(each: _Choice, rig: Rig) -> Part:
         prior = Prior(now, PARTS.known * now, log=False)
     else:
         prior = Prior(0.0, PARTS.wide * behind_gear(each.key, rig.drive.gear).centre, log=False)
-    start = now + 0.1 * prior.sd
+    of_drive = now == 0.0 and each.key == "drive.play_rad"
+    start = (_least_play(runs) if of_drive else 0.0) or now + 0.1 * prior.sd
     number = Number(last, each.key, unit_of(each.key), prior, start, lower)
     return Part(each.name, RigNumber(key=each.key), (number,), each.meaning)
+
+
+def _least_play(runs: Sequence[MachineRun]) -> float:
+    """Return a play of the motor that its strokes and its noise let show [rad]; docs/model.md (296)."""
+    by_angle = [run for run in runs if run.drive == "motor_angle_rad"]
+    stroke = max(float(np.ptp(run.given[run.drive])) for run in by_angle)
+    noise = max(run.inputs.noise.get(run.drive, 0.0) for run in by_angle)
+    return max(PARTS.play * stroke, CHANCE.clear * noise)
 
 
 def _applies(key: str, rig: Rig, runs: Sequence[MachineRun], answers: Sequence[str]) -> bool:
