@@ -21,8 +21,9 @@ from tssgeom.plausibility.rules import warnings_of
 from tssgeom.rig import Rig
 from tssgeom.tendon.command_error import is_near, outside
 from tssgeom.tendon.machine import machine_of, routed
+from tssgeom.tendon.machine_channels import as_read
 from tssgeom.tendon.machine_commander import MachineCommander, Moved
-from tssgeom.tendon.machine_simulation import as_read, drive_channels
+from tssgeom.tendon.machine_simulation import drive_channels
 from tssgeom.tendon.machine_stream import (
     JOINT_TARGET,
     CarriedMachine,

@@ -21,8 +21,9 @@ from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.commander import Policy
 from tssgeom.tendon.machine import Machine, machine_of, route_of_rig, routed
+from tssgeom.tendon.machine_channels import as_read, without_zero
 from tssgeom.tendon.machine_command import command_machine
-from tssgeom.tendon.machine_simulation import as_read, drive_of, simulated, without_zero
+from tssgeom.tendon.machine_simulation import drive_of, simulated
 from tssgeom.uncertain import Uncertain
 
 TARGET = "joint_angle_rad"

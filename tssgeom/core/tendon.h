@@ -187,6 +187,23 @@ ENTRY int64_t tss_march_machine(
     const double warmth[s], int64_t rows, OUT double after[n][9 * (k + 1) + 7], OUT double coordinate[s][m],
     OUT double ends[s][4 * n], OUT double profile[rows][n * (k + 1)], WORK double trial[n][9 * (k + 1) + 7], WORK double work[21][k + 1]);
 
+/** Take a machine through the samples of a run, and c − 1 others beside it that differ little; docs/model.md (295).
+
+The first is marched as by `march_machine`, and the contacts of the others do what its contacts do: what they add to it
+is exact to first order in their differences, as derivatives need. All else is as there, with a row for each machine.
+Returns the number of samples done by the first; the memories; the coordinates; and T_in, T_out [N], x_in, x_out [m]
+of each tendon. */
+ENTRY int64_t tss_march_beside(
+    int64_t c, int64_t n, int64_t k, const double plant[c][n * (16 * (k + 1) + 431)],
+    const double memory[c][n * (9 * (k + 1) + 7)], int64_t m, const double proximal[c][n * m],
+    const double distal[c][n * m], const double stiffness[c][m], const double gravity[c][2 * m],
+    const double friction[c], const double at_rest[c][m], const double start[c][m], int64_t by_force, int64_t s,
+    const double spans[s], const double drive[c][s * n], const double end[c][s * n],
+    const double load[c][s * m], const double warmth[s], OUT double after[c][n * (9 * (k + 1) + 7)],
+    OUT double coordinate[c][s * m], OUT double ends[c][s * 4 * n], WORK double trial[n][9 * (k + 1) + 7],
+    WORK double room[c * n][96], WORK double lines[n][17 * (k + 1)], WORK double change[2 * n][k + 1],
+    WORK double work[24][k + 1]);
+
 /** Step n tendons whose plants are straight lines over d numbers; docs/model.md (201), (202).
 
 `slope` [d] is what 1 of each number adds to `plant`, `sensor_slope` [d] what it adds to gain and zero of T_in and of

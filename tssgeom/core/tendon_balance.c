@@ -31,6 +31,8 @@ bar_laws laws_of(int64_t k, const double *plant) {
     const int64_t times[CREEPS] = {PLANT.creep_time, PLANT.creep_time_2, PLANT.creep_time_3};
     for (int e = 0; e < CREEPS; e++)
         laws.creep_soft[e] = plant + rows[e] * b, laws.creep_time[e] = number[times[e]];
+    for (int e = 0; e < CREEPS; e++)
+        for (int64_t j = 0; j < b; j++) laws.creeps |= laws.creep_soft[e][j] != 0.0;
     laws.warm = plant + LAW.warm * b, laws.rest = plant + LAW.rest * b;
     laws.pulling = plant + LAW.pulling * b, laws.releasing = plant + LAW.releasing * b;
     laws.fitting = plant + LAW.fitting * b, laws.low = plant + LAW.low * b, laws.high = plant + LAW.high * b;
@@ -83,14 +85,10 @@ void begin_room(const bar_laws *laws, step_room *room) {
     for (int64_t i = 0; i < laws->k; i++) room->chain.bristle[i] = INFINITY, room->chain.kept[i] = 0.0;
 }
 
-/* How contacts give way before they slide: as stiff as makes them slide where it is said, at what friction they
-   have from the step before; docs/model.md (279). */
-static void set_bristles(const bar_laws *laws, const bar_memory *memory, const bar_chain *c) {
-    for (int64_t i = 0; i < laws->k; i++) {
-        double exponent = 0.5 * (laws->pulling[i] + laws->releasing[i]) + laws->fitting[i];
-        double limit = exponent * laws->presliding_reference + laws->force[i];
-        c->bristle[i] = limit / laws->presliding, c->kept[i] = memory->tension[i] - memory->tension[i + 1];
-    }
+/* docs/model.md (279) */
+double bristle_of(const bar_laws *laws, int64_t i) {
+    double exponent = 0.5 * (laws->pulling[i] + laws->releasing[i]) + laws->fitting[i];
+    return (exponent * laws->presliding_reference + laws->force[i]) / laws->presliding;
 }
 
 const double *table_of(const double *tables, int64_t which) {
@@ -172,19 +170,14 @@ void set_step_factor(bar_laws *laws, const bar_memory *memory, double time) {
     if (by_position) laws->now *= table_value(by_position, memory->displacement[0], &slope);
 }
 
-/* Shares of old creep, old and new tension in the creep after a step; docs/model.md (57). */
-typedef struct {
-    double kept, old, new;
-} creep_shares;
-
-static creep_shares creep_after(double time_constants) {
+creep_shares creep_after(double time_constants) {
     if (!(time_constants < INFINITY)) return (creep_shares){0.0, 0.0, 0.0}; /* there is none */
     double mean = -expm1(-time_constants) / time_constants, kept = exp(-time_constants);
     return (creep_shares){kept, mean - kept, 1.0 - mean};
 }
 
-/* Stretch that each bar would have if no contact moved [m]; docs/model.md (51), (58). */
-static void set_given(
+/* docs/model.md (51), (58) */
+void set_given(
     const bar_laws *laws, const bar_memory *memory, double warmth, const creep_shares shares[], double target,
     const double rest[], double given[]) {
     int64_t last_bar = laws->k;
@@ -192,7 +185,7 @@ static void set_given(
         double left = j > 0 ? memory->displacement[j - 1] : target;
         double right = j < last_bar ? memory->displacement[j] : 0.0;
         given[j] = left - right + rest[j] - laws->warm[j] * warmth;
-        for (int e = 0; e < CREEPS; e++)
+        for (int e = 0; laws->creeps && e < CREEPS; e++)
             if (laws->creep_soft[e][j] != 0.0)
                 given[j] += laws->creep_soft[e][j] * (laws->pretension - shares[e].old * memory->tension[j])
                             - shares[e].kept * memory->creep[e][j];
@@ -203,7 +196,7 @@ static void set_given(
 static void set_bars(const bar_laws *laws, const step_room *room, const creep_shares shares[]) {
     for (int64_t j = 0; j <= laws->k; j++) {
         double slope, stretch = stretch_of(laws, j, room->about[j], &slope);
-        for (int e = 0; e < CREEPS; e++) {
+        for (int e = 0; laws->creeps && e < CREEPS; e++) {
             stretch += shares[e].new * laws->creep_soft[e][j] * room->about[j];
             slope += shares[e].new * laws->creep_soft[e][j];
         }
@@ -212,11 +205,8 @@ static void set_bars(const bar_laws *laws, const step_room *room, const creep_sh
     }
 }
 
-/* What sliding so far in a step makes of friction [1], and its slope [1/m]; docs/model.md (52), (185).
-
-   A table that falls anywhere, or has a memory, is taken at the speed `before` the step: friction that falls at
-   once has jumps. */
-static double speed_factor(const bar_laws *laws, double slid, double span, double before, double *slope) {
+/* docs/model.md (52), (185) */
+double speed_factor(const bar_laws *laws, double slid, double span, double before, double *slope) {
     double gain = laws->speed_gain, path = laws->speed_reference * span, factor = 1.0, rise = 0.0;
     if (gain != 0.0) factor = most(0.0, 1.0 + gain * log1p(slid / path)), rise = gain / (path + slid);
     const double *table = table_of(laws->tables, CURVE.speed);
@@ -251,31 +241,32 @@ set_cones(const bar_laws *laws, const bar_memory *memory, const step_room *room,
 
 /* The speed that friction follows after a step, with the sign of the step's; docs/model.md (185). */
 static double followed_speed(const bar_laws *laws, double before, double speed, double span) {
-    if (laws->speed_memory == 0.0) return speed;
     double kept = exp(-span / laws->speed_memory);
     return copysign(kept * fabs(before) + (1.0 - kept) * fabs(speed), speed);
 }
 
-/* Write what the step did into the memory; returns whether it is finite. */
-static int
+int
 keep(const bar_laws *laws, bar_memory *memory, const bar_chain *c, const creep_shares shares[], double span) {
-    double sum = 0.0;
-    for (int64_t j = 0; j <= laws->k; j++) sum += c->tension[j] + (j < laws->k ? c->w[j] : 0.0);
-    if (!isfinite(sum)) return 0;
-    for (int64_t j = 0; j <= laws->k; j++) {
+    int64_t k = laws->k;
+    int finite = 1;
+    for (int64_t j = 0; j <= k; j++) finite &= isfinite(c->tension[j]) != 0;
+    for (int64_t i = 0; i < k; i++) finite &= isfinite(c->w[i]) != 0;
+    if (!finite) return 0;
+    for (int64_t j = 0; laws->creeps && j <= k; j++)
         for (int e = 0; e < CREEPS; e++) {
             if (laws->creep_soft[e][j] == 0.0) continue; /* docs/model.md (57) */
             double pulled = shares[e].old * memory->tension[j] + shares[e].new * c->tension[j];
             memory->creep[e][j] = shares[e].kept * memory->creep[e][j] + laws->creep_soft[e][j] * pulled;
         }
-        memory->tension[j] = c->tension[j];
-    }
-    for (int64_t i = 0; i < laws->k; i++) {
-        memory->displacement[i] += c->w[i];
-        memory->travel[i] += fabs(c->w[i]);
-        memory->speed[i] = followed_speed(laws, memory->speed[i], c->w[i] / span, span);
-        memory->slip[i] = c->slip[i];
-    }
+    memcpy(memory->tension, c->tension, (size_t)(k + 1) * sizeof(double));
+    for (int64_t i = 0; i < k; i++) memory->displacement[i] += c->w[i];
+    for (int64_t i = 0; i < k; i++) memory->travel[i] += fabs(c->w[i]);
+    for (int64_t i = 0; i < k; i++) memory->slip[i] = c->slip[i];
+    if (laws->speed_memory == 0.0)
+        for (int64_t i = 0; i < k; i++) memory->speed[i] = c->w[i] / span;
+    else
+        for (int64_t i = 0; i < k; i++)
+            memory->speed[i] = followed_speed(laws, memory->speed[i], c->w[i] / span, span);
     return 1;
 }
 
@@ -285,7 +276,7 @@ double balance(
     bar_chain *c = &room->chain;
     int64_t k = laws->k, last_bar = k;
     creep_shares shares[CREEPS];
-    for (int e = 0; e < CREEPS; e++) shares[e] = creep_after(span / laws->creep_time[e]);
+    for (int e = 0; laws->creeps && e < CREEPS; e++) shares[e] = creep_after(span / laws->creep_time[e]);
     int by_movement = laws->by_speed && !(laws->late && laws->speed_gain == 0.0);
     int hanging = laws->load == 0.0, one_pass = !(laws->curved || laws->varied);
     int straight = !(laws->curved || laws->loaded || by_movement); /* a pass that balances is the last */
@@ -302,7 +293,8 @@ double balance(
         double factor = wear_factor(laws, memory->travel[i]);
         room->pulling[i] = laws->pulling[i] * factor, room->releasing[i] = laws->releasing[i] * factor;
     }
-    if (laws->presliding > 0.0) set_bristles(laws, memory, c);
+    for (int64_t i = 0; laws->presliding > 0.0 && i < k; i++)
+        c->bristle[i] = bristle_of(laws, i), c->kept[i] = memory->tension[i] - memory->tension[i + 1];
     double change = INFINITY, residual = INFINITY, accepted = SOLVER.accepted;
     *solves = 0;
     for (int64_t done = 0; done < (one_pass ? 1 : SOLVER.trials); done++) {

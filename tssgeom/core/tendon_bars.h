@@ -25,6 +25,7 @@ typedef struct {
     int curved, by_rate, varied, swift;
     int loaded, by_speed, worn; /* whether friction depends on tension; on speed; on what was before */
     int late;                   /* whether it follows the speed before the step */
+    int creeps;                 /* whether any bar does */
 } bar_laws;
 
 /* What one step leaves to the next: the rows of MEMORY and the numbers of HELD. */
@@ -62,6 +63,11 @@ typedef struct {
     double *pulling, *releasing; /* [k] exponents after wear [1] */
 } step_room;
 
+/* Shares of old creep, old and new tension in the creep after a step; docs/model.md (57). */
+typedef struct {
+    double kept, old, new;
+} creep_shares;
+
 /* The tables of CURVE in a plant. */
 const double *tables_of(int64_t k, const double *plant);
 bar_laws laws_of(int64_t k, const double *plant);
@@ -89,6 +95,14 @@ const double *table_of(const double *tables, int64_t which);
 double table_value(const double table[], double x, double *slope);
 /* What the tension at a contact makes of the friction there [1], and its slope [1/N]; docs/model.md (52). */
 double load_factor(const bar_laws *laws, double load, double *slope);
+/* What sliding so far in a step makes of friction [1], and its slope [1/m]; docs/model.md (52), (185).
+
+   A table that falls anywhere, or has a memory, is taken at the speed `before` the step: friction that falls at
+   once has jumps. */
+double speed_factor(const bar_laws *laws, double slid, double span, double before, double *slope);
+/* Friction for each metre by which a contact gives way before it slides: as stiff as makes it slide where it is
+   said [N/m]; its friction before the step is that from which it gives way; docs/model.md (279). */
+double bristle_of(const bar_laws *laws, int64_t i);
 /* What the path slid so far, time and position make of it [1]; docs/model.md (52), (185). */
 double wear_factor(const bar_laws *laws, double travel);
 /* Set the factor of a step that ends at a time [s] since the run began. */
@@ -115,6 +129,15 @@ void guess_fixed_route(bar_chain *chain, int hanging);
 /* Proximal tensions between which a dead weight stays where it is [N]; docs/model.md (47). */
 void range_of_drive(
     int64_t k, double weight, const double low[], const double high[], const double force[], double range[2]);
+
+creep_shares creep_after(double time_constants);
+/* Stretch that each bar would have if no contact moved [m]. */
+void set_given(
+    const bar_laws *laws, const bar_memory *memory, double warmth, const creep_shares shares[], double target,
+    const double rest[], double given[]);
+/* Write what a step did into the memory; returns whether it is finite. */
+int
+keep(const bar_laws *laws, bar_memory *memory, const bar_chain *c, const creep_shares shares[], double span);
 
 /* Start the cone of a room from the laws. */
 void begin_room(const bar_laws *laws, step_room *room);

@@ -2,7 +2,7 @@
 
    Every tendon is given where both of its ends are and answers with both tensions and their slopes; the
    coordinates of the mechanism follow by Newton's method. */
-#include "tendon_bars.h"
+#include "tendon_machine.h"
 
 #include <string.h>
 
@@ -26,39 +26,34 @@ static int moves(const bar_chain *c, int64_t i, double *ratio, double *drag) {
 
 /* Slopes of both tensions: a contact that moves passes a change on, one that does not ends it; (174), (280). */
 static end_forces slopes_of(const bar_chain *c, int by_force) {
-    int64_t k = c->k;
+    int64_t k = c->k, first = 0, last = k - 1; /* contacts that do not move, the nearest to drive and load */
     end_forces f = {.in = c->tension[0], .out = c->tension[k]};
-    double ratio, drag, share = 1.0, sides = 1.0, soft = softness(c, k);
-    for (int64_t i = k - 1; i >= 0; i--) { /* as the drive feels it */
-        double behind = moves(c, i, &ratio, &drag) ? ratio / (1.0 / soft + drag) : 0.0;
-        soft = softness(c, i) + behind;
-        share *= softness(c, i) == 0.0 ? behind > 0.0 : behind / soft;
-        sides *= ratio;
-    }
-    if (!by_force && f.in > 0.0) {
+    double ratio, drag, share = 1.0, sides = 1.0;
+    while (first < k && moves(c, first, &ratio, &drag)) first++;
+    while (last >= 0 && moves(c, last, &ratio, &drag)) last--;
+    if (!by_force && f.in > 0.0) { /* as the drive feels it */
+        double soft = softness(c, first);
+        for (int64_t i = first - 1; i >= 0; i--) {
+            moves(c, i, &ratio, &drag);
+            double behind = ratio / (1.0 / soft + drag);
+            soft = softness(c, i) + behind;
+            share *= softness(c, i) == 0.0 ? behind > 0.0 : behind / soft;
+            sides *= ratio;
+        }
         f.in_by_in = 1.0 / soft;
+        if (first < k) share = 0.0;
         if (share > 0.0) f.out_by_in = share / softness(c, k), f.in_by_out = -f.out_by_in / sides;
     }
-    soft = by_force ? INFINITY : softness(c, 0);
-    for (int64_t i = 0; i < k; i++) /* as the load feels it */
-        soft = softness(c, i + 1) + (moves(c, i, &ratio, &drag) ? 1.0 / (ratio / soft + drag) : 0.0);
-    if (f.out > 0.0) f.out_by_out = -1.0 / soft;
+    if (f.out > 0.0) { /* as the load feels it */
+        double soft = last >= 0 ? softness(c, last + 1) : by_force ? INFINITY : softness(c, 0);
+        for (int64_t i = last + 1; i < k; i++) {
+            moves(c, i, &ratio, &drag);
+            soft = softness(c, i + 1) + 1.0 / (ratio / soft + drag);
+        }
+        f.out_by_out = -1.0 / soft;
+    }
     return f;
 }
-
-/* What does not change from trial to trial of one sample. */
-typedef struct {
-    int64_t n, k, m;
-    const double *plant, *proximal, *distal, *stiffness, *gravity, *at_rest; /* as `march_machine` */
-    const double *drive, *end, *load;
-    int by_force;
-    double friction, slides; /* of the only coordinate: that which holds it, and against its motion */
-    double span, warmth;
-    const double *before; /* [n] memories of 7 (k + 1) + 6 numbers before the sample */
-    double *trial;        /* [n] the same of the trial */
-    double *rest;         /* [k+1] */
-    double *work;         /* of a room */
-} sample;
 
 /* Bring one tendon to a trial of the coordinates; returns whether it is in equilibrium. */
 static int try_tendon(const sample *it, int64_t i, const double z[], end_forces *f) {
@@ -115,8 +110,7 @@ static int try_all(const sample *it, const double z[], double left[], double slo
     return 1;
 }
 
-/* Solve slope · step = −left [m] by elimination with pivots; a coordinate that nothing holds does not move. */
-static void solve_step(int64_t m, double slope[], double left[], double step[]) {
+void solve_step(int64_t m, double slope[], double left[], double step[]) {
     for (int64_t a = 0; a < m; a++) {
         int64_t pivot = a;
         for (int64_t b = a + 1; b < m; b++)
@@ -140,8 +134,6 @@ static void solve_step(int64_t m, double slope[], double left[], double step[]) 
         step[a] = slope[a * m + a] != 0.0 ? sum / slope[a * m + a] : 0.0;
     }
 }
-
-enum { MOST = 4 }; /* coordinates */
 
 static double largest(int64_t m, const double left[]) {
     double result = 0.0;
@@ -171,8 +163,8 @@ static int along(
     return 0;
 }
 
-/* Move the coordinates to where all forces balance; returns whether they do; docs/model.md (175). */
-static int solve_balance(const sample *it, double z[]) {
+/* docs/model.md (175) */
+int solve_balance(const sample *it, double z[]) {
     int64_t m = it->m;
     double left[MOST], slope[MOST * MOST], step[MOST] = {0.0}, next[MOST], held[MOST], scale;
     double low = -INFINITY, high = INFINITY; /* of one coordinate: its force falls as it grows */
@@ -206,19 +198,19 @@ static int solve_balance(const sample *it, double z[]) {
     return largest(m, left) <= 1e3 * ROUNDING.relative * scale;
 }
 
-/* Read T_in, T_out [N], x_in, x_out [m] of every tendon after a sample with the coordinates z. */
-static void read_ends(const sample *it, const double z[], double ends[]) {
+void read_ends(const sample *it, const double z[], double ends[]) {
     int64_t k = it->k, m = it->m;
     double unused;
     for (int64_t i = 0; i < it->n; i++) {
-        bar_laws laws = laws_of(k, it->plant + i * (16 * (k + 1) + 431));
         bar_memory kept = memory_of(k, it->trial + i * (9 * (k + 1) + 7));
         double *row = ends + 4 * i, moved = it->end[i], pulled = it->drive[i];
         for (int64_t a = 0; a < m; a++)
             moved += it->distal[i * m + a] * z[a], pulled += it->proximal[i * m + a] * z[a];
-        if (it->by_force)
+        if (it->by_force) {
+            bar_laws laws = laws_of(k, it->plant + i * (16 * (k + 1) + 431));
             pulled = kept.displacement[0] + stretch_of(&laws, 0, kept.tension[0], &unused) - laws.rest[0]
                      - kept.rest[0];
+        }
         row[0] = kept.tension[0], row[1] = kept.tension[k], row[2] = pulled, row[3] = moved;
     }
 }

@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import NamedTuple
@@ -17,7 +18,7 @@ import numpy as np
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.errors import FitError, SettingsError
 from tssgeom.identify.machine_parameters import Parameter, route_numbers
-from tssgeom.identify.machine_run import MachineRun, Machines
+from tssgeom.identify.machine_run import MachineRun, Machines, predicted_beside
 from tssgeom.least_squares import SOLVER
 from tssgeom.rig import Rig, with_values
 
@@ -210,22 +211,43 @@ class Problem:
         return out
 
     def beside(self, u: Vector, steps: Vector) -> dict[int, Beside]:
-        """Return the channels a step beside some numbers, along each number that is not a zero."""
-        simulated = [j for j, each in enumerate(self.parameters) if each.kind not in _LINEAR]
-        with ThreadPoolExecutor(min(len(simulated), os.cpu_count() or 1)) as pool:
-            along = partial(self._beside, u, steps, self.machines(u))
-            return dict(zip(simulated, pool.map(along, simulated), strict=True))
+        """Return the channels a step beside some numbers, along each number that is not a zero; (295)."""
+        here, moved = self.machines(u), dict[int, tuple[float, Vector, Machines]]()
+        for j, each in enumerate(self.parameters):
+            if each.kind not in _LINEAR:
+                moved[j] = self._moved(u, j, float(steps[j]), here)
+        with ThreadPoolExecutor(min(len(self.runs), os.cpu_count() or 1)) as pool:
+            of_runs = list(pool.map(partial(self._of_run_beside, u, here, moved), range(len(self.runs))))
+        out = dict[int, Beside]()
+        for j, (step, _, _) in moved.items():
+            only = self.parameters[j].run
+            channels = [each[j] for each in of_runs if j in each]
+            there = [each for each in channels if each is not None]
+            out[j] = Beside(step, there if len(there) == len(channels) else None, only)
+        return out
 
-    def _beside(self, u: Vector, steps: Vector, here: Machines, j: int) -> Beside:
-        only, step = self.parameters[j].run, float(steps[j])
-        machines = None if self.parameters[j].kind in ("rig", "share", "route") else here
+    def _moved(self, u: Vector, j: int, step: float, here: Machines) -> tuple[float, Vector, Machines]:
+        """Return a step along one number that the machine allows, all numbers there, and the machines."""
         for way in (step, -step):
             moved = u.copy()
             moved[j] += way
-            channels = self.model(moved, None if only < 0 else only, machines)
-            if channels is not None:
-                return Beside(way, channels, only)
-        return Beside(step, None, only)
+            if self.parameters[j].kind not in ("rig", "share", "route"):
+                return way, moved, here
+            with suppress(SettingsError):
+                return way, moved, self.machines(moved)
+        return step, u, here
+
+    def _of_run_beside(
+        self, u: Vector, here: Machines, moved: Mapping[int, tuple[float, Vector, Machines]], k: int
+    ) -> dict[int, Mapping[str, Vector] | None]:
+        """Return the channels of one run beside some numbers, along each one that it follows."""
+        run, along = self.runs[k], [j for j in moved if self.parameters[j].run in (-1, k)]
+        every = [(here, self.of_run(u, k)), *((moved[j][2], self.of_run(moved[j][1], k)) for j in along)]
+        try:
+            made = predicted_beside(run, [(each.simulation(run, values), values) for each, values in every])
+        except (FitError, SettingsError, FloatingPointError):
+            return dict.fromkeys(along)
+        return dict(zip(along, made[1:], strict=True))
 
 
 @dataclass(slots=True)

@@ -34,7 +34,15 @@ from tssgeom.route.pieces import Arcs
 from tssgeom.statistics import reading_noise, turns
 from tssgeom.tendon.machine import Machine, Start, machine_of, routed
 from tssgeom.tendon.machine_history import DriveName
-from tssgeom.tendon.machine_simulation import drive_channels, drive_of, simulate_machine, with_torque
+from tssgeom.tendon.machine_simulation import (
+    Simulation,
+    drive_channels,
+    drive_of,
+    simulated_beside,
+    simulated_channels,
+    simulation,
+    with_torque,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -291,6 +299,10 @@ class Machines:
 
     def predicted(self, run: MachineRun, values: Mapping[tuple[str, str], float]) -> dict[str, Vector]:
         """Do as `predicted`."""
+        return _read(run, values, simulated_channels(self.simulation(run, values)))
+
+    def simulation(self, run: MachineRun, values: Mapping[tuple[str, str], float]) -> Simulation:
+        """Return the machine before a run with its own numbers."""
         machine = self._on(run.routes, [values.get(("route", str(k)), 1.0) for k in range(len(run.routes))])
         shares = np.array([values.get(("history", str(which)), 0.0) for which in range(machine.count)])
         given = dict(run.given)
@@ -300,12 +312,7 @@ class Machines:
         for (kind, channel), zero in values.items():
             if kind == "given zero":
                 given[channel] = given[channel] - zero
-        out = simulate_machine(machine, given, drive=run.drive, end_given=run.end_given, start=Start(shares))
-        read = {name: out[name] + values.get(("zero", name), 0.0) for name in run.measured}
-        for key, change in run.bends.items():
-            if by := values.get(("bends", key), 0.0):
-                read = {name: value + by * change[name] for name, value in read.items()}
-        return read
+        return simulation(machine, given, drive=run.drive, end_given=run.end_given, start=Start(shares))
 
     def _on(self, routes: Sequence[Arcs], scales: Sequence[float]) -> Machine:
         """Return the rig on some routes, their angles times a factor each."""
@@ -314,6 +321,26 @@ class Machines:
             scaled = [arcs.scaled(angle=by) for arcs, by in zip(routes, scales, strict=True)]
             self._made[which] = machine_of(self.rig, [routed(arcs, self.rig) for arcs in scaled], self.bars)
         return self._made[which]
+
+
+def predicted_beside(
+    run: MachineRun, every: Sequence[tuple[Simulation, Mapping[tuple[str, str], float]]]
+) -> list[dict[str, Vector] | None]:
+    """Return what each answering channel would have read with the numbers of the first, and beside it."""
+    channels = simulated_beside([about for about, _ in every])
+    pairs = zip(every, channels, strict=True)
+    return [None if out is None else _read(run, values, out) for (_, values), out in pairs]
+
+
+def _read(
+    run: MachineRun, values: Mapping[tuple[str, str], float], channels: Mapping[str, Vector]
+) -> dict[str, Vector]:
+    """Return the channels that answer, with zeros and bends of a run."""
+    read = {name: channels[name] + values.get(("zero", name), 0.0) for name in run.measured}
+    for key, change in run.bends.items():
+        if by := values.get(("bends", key), 0.0):
+            read = {name: value + by * change[name] for name, value in read.items()}
+    return read
 
 
 def finely_predicted(

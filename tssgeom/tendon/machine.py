@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -112,50 +112,98 @@ def begin(machine: Machine, held: Matrix) -> MachineState:
     return MachineState(_memories(machine, held), np.zeros(len(machine.coordinates.stiffness)))
 
 
-def carry_on(
-    machine: Machine,
-    state: MachineState,
-    laws: Coordinates,
-    proximal: Matrix,
-    balance: Vector,
-    *,
-    by_force: bool,
-    spans: Vector,
-    given: Matrix,
-    moved: Matrix,
-    load: Matrix,
-    profile: bool = False,
-) -> tuple[int, MachineTrace, MachineState]:
-    """Take a machine through some samples; returns how many could be, what it did, and where it stands then.
+class Acts(NamedTuple):
+    """A machine before some samples, and what acts on it in them; docs/model.md (171)."""
 
-    `laws` and `proximal` [n, m] are (171), `balance` [m] is f of (173); `given` [s, n] what the drives do
-    [m] or [N], `moved` [s, n] what moves the loads besides [m], `load` [s, m] what acts on the coordinates.
-    """
+    machine: Machine
+    state: MachineState
+    laws: Coordinates
+    proximal: Matrix
+    """[n, m] How far each drive moves with each coordinate."""
+    balance: Vector
+    """[m] f of (173)."""
+    by_force: bool
+    spans: Vector
+    """[s] Time since the sample before [s]."""
+    given: Matrix
+    """[s, n] What the drives do [m] or [N]."""
+    moved: Matrix
+    """[s, n] What moves the loads besides [m]."""
+    load: Matrix
+    """[s, m] What acts on the coordinates."""
+
+
+def carry_on(acts: Acts, *, profile: bool = False) -> tuple[int, MachineTrace, MachineState]:
+    """Take a machine through some samples; returns how many could be, what it did, and where it stands."""
+    machine, laws, samples = acts.machine, acts.laws, len(acts.spans)
     done, memory, where, ends, tension = core.march_machine(
         len(machine.edge),
         np.array([each.block for each in machine.plants]),
-        state.memory,
-        proximal,
+        acts.state.memory,
+        acts.proximal,
         laws.distal,
         laws.stiffness,
         laws.gravity,
         np.full(len(laws.stiffness), laws.friction),
-        balance,
-        state.coordinate,
-        by_force,
-        spans,
-        given,
-        moved,
-        load,
-        np.zeros(len(spans)),
-        len(spans) if profile else 0,
+        acts.balance,
+        acts.state.coordinate,
+        acts.by_force,
+        acts.spans,
+        acts.given,
+        acts.moved,
+        acts.load,
+        np.zeros(samples),
+        samples if profile else 0,
     )
     trace = MachineTrace(
-        ends.reshape(len(spans), machine.count, 4),
+        ends.reshape(samples, machine.count, 4),
         where,
         tension.reshape(len(tension), machine.count, len(machine.edge) + 1),
     )
     return done, trace, MachineState(memory, where[-1])
+
+
+def carry_on_beside(every: Sequence[Acts]) -> tuple[int, list[tuple[MachineTrace, MachineState]]]:
+    """Take a machine through some samples as `carry_on`, and others that differ little beside it; (295).
+
+    Returns how many samples the first could be taken through, and what each did, to first order in how it
+    differs from the first; NaN where it has no finite answer.
+    """
+    first, count = every[0], len(every)
+    machine, samples, m = first.machine, len(first.spans), len(first.laws.stiffness)
+    blocks = {id(each.machine): _blocks(each.machine) for each in every}
+
+    def rows(values: Iterable[Matrix]) -> Matrix:
+        return np.array([each.ravel() for each in values])
+
+    done, memory, where, ends = core.march_beside(
+        machine.count,
+        len(machine.edge),
+        np.array([blocks[id(each.machine)] for each in every]),
+        rows(each.state.memory for each in every),
+        rows(each.proximal for each in every),
+        rows(each.laws.distal for each in every),
+        np.array([each.laws.stiffness for each in every]),
+        rows(each.laws.gravity for each in every),
+        np.array([each.laws.friction for each in every]),
+        np.array([each.balance for each in every]),
+        np.array([each.state.coordinate for each in every]),
+        first.by_force,
+        first.spans,
+        rows(each.given for each in every),
+        rows(each.moved for each in every),
+        rows(each.load for each in every),
+        np.zeros(samples),
+    )
+    where, none = where.reshape(count, samples, m), np.zeros((0, machine.count, len(machine.edge) + 1))
+    ends, memory = ends.reshape(count, samples, machine.count, 4), memory.reshape(count, machine.count, -1)
+    return done, [
+        (MachineTrace(ends[j], where[j], none), MachineState(memory[j], where[j, -1])) for j in range(count)
+    ]
+
+
+def _blocks(machine: Machine) -> Vector:
+    return np.concatenate([each.block for each in machine.plants])
 
 
 def play(values: Vector, width: float, engaged: float | None = None) -> Vector:
@@ -166,8 +214,8 @@ def play(values: Vector, width: float, engaged: float | None = None) -> Vector:
     if width <= 0.0:
         return values
     passed, at = list[float](), float(values[0]) if engaged is None else engaged
-    for value in values.tolist():
-        at = behind_play(at, value, width)
+    for value in values.tolist():  # as `behind_play`, without a call for each sample
+        at = value if at < value else at if at < value + width else value + width
         passed.append(at)
     return np.array(passed)
 

@@ -19,6 +19,7 @@ from tssgeom.tendon.bars.plant import Memory
 from tssgeom.tendon.command import DEAD_ZONE
 from tssgeom.tendon.drive_limits import within
 from tssgeom.tendon.machine import (
+    Acts,
     Machine,
     MachineState,
     MachineTrace,
@@ -291,18 +292,15 @@ class _Sample:
     def at(self, angle: float) -> tuple[float, MachineTrace | None, MachineState]:
         """Return by how much the joint misses the target with this angle of the motor."""
         laws = self.machine.coordinates
-        done, trace, state = carry_on(
-            self.machine,
-            self.state,
-            laws,
-            np.zeros_like(laws.distal),
-            self.balance,
+        acts = Acts(
+            *(self.machine, self.state, laws, np.zeros_like(laws.distal), self.balance),
             by_force=False,
             spans=np.array([self.span]),
             given=(angle * self.arms)[None],
             moved=np.zeros((1, self.machine.count)),
             load=np.array([[self.load]]),
         )
+        done, trace, state = carry_on(acts)
         if done == 0:
             return math.nan, None, self.state
         return float(trace.coordinate[0, 0]) - self.target, trace, state

@@ -16,8 +16,9 @@ from tssgeom.rig import Rig, with_values
 from tssgeom.route.pieces import Arcs
 from tssgeom.route.resolution import NO_ERRORS, SharedErrors
 from tssgeom.tendon.command_error import is_near, outside, spread_of
+from tssgeom.tendon.machine_channels import as_read
 from tssgeom.tendon.machine_command import MayWait
-from tssgeom.tendon.machine_simulation import as_read, drive_channels
+from tssgeom.tendon.machine_simulation import drive_channels
 from tssgeom.tendon.machine_stream import (
     JOINT_TARGET,
     CarriedMachine,

@@ -7,36 +7,35 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
 from msgspec.structs import replace as changed
 
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.errors import FitError, SettingsError
-from tssgeom.mechanism import Coordinates, numbered, per_motor_angle, tip
+from tssgeom.mechanism import Coordinates, numbered, per_motor_angle
 from tssgeom.rig import Rig
 from tssgeom.tendon.machine import (
+    Acts,
     Machine,
+    MachineState,
     MachineTrace,
     Start,
     begin,
     carry_on,
+    carry_on_beside,
     held_tensions,
     play,
 )
+from tssgeom.tendon.machine_channels import channels_of, without_zero
 from tssgeom.tendon.machine_history import (
     GIVEN_DRIVES,
     DriveName,
     MachineHistory,
-    Turning,
-    direction,
     engaged_of,
-    read_by_sensors,
     turned,
 )
-
-_Value = TypeVar("_Value", float, Vector)
 
 
 def drive_of(run: Mapping[str, Vector], count: int) -> DriveName:
@@ -112,6 +111,22 @@ def simulate_machine(
     return simulated(machine, run, drive=drive, end_given=end_given, start=start).channels
 
 
+class Simulation(NamedTuple):
+    """A machine before a run, and what its channels need of the run beside what its tendons do."""
+
+    acts: Acts
+    run: Mapping[str, Vector]
+    """What was measured, drives on the clock of what answers."""
+    motor: Vector | None
+    """[s] Angle of the motor, where it is given or sought [rad]."""
+    engaged: Vector | None
+    """[s] The same behind its play [rad]."""
+    recent: Matrix | None
+    """As in `MachineHistory`."""
+    before: MachineHistory
+    end_given: bool
+
+
 def simulated(
     machine: Machine,
     run: Mapping[str, Vector],
@@ -126,6 +141,39 @@ def simulated(
 
     With what was `before` the run goes on from there: `start` and `drive` are those of its beginning.
     """
+    about = simulation(machine, run, drive=drive, end_given=end_given, start=start, before=before)
+    return _marched(about, profile=profile)
+
+
+def simulated_channels(about: Simulation) -> dict[str, Vector]:
+    """Return what every channel reads; raises FitError where there is no equilibrium."""
+    return _marched(about, profile=False).channels
+
+
+def simulated_beside(every: Sequence[Simulation]) -> list[dict[str, Vector] | None]:
+    """Return the channels of a run, and of others to first order in how they differ from it; (295).
+
+    They differ in their numbers alone. None where one has no finite answer, or the first no equilibrium.
+    """
+    done, traces = carry_on_beside([each.acts for each in every])
+    return [
+        _finished(about, *trace).channels
+        if done == len(trace[0].coordinate) and np.isfinite(trace[0].ends).all()
+        else None
+        for about, trace in zip(every, traces, strict=True)
+    ]
+
+
+def simulation(
+    machine: Machine,
+    run: Mapping[str, Vector],
+    *,
+    drive: DriveName | None = None,
+    end_given: bool = False,
+    start: Start | None = None,
+    before: MachineHistory | None = None,
+) -> Simulation:
+    """Return what acts on a machine in a run; arguments and errors as of `simulate_machine`."""
     run = with_torque(run, machine.rig)
     if before is None:
         before = begun(machine, drive or drive_of(run, machine.count), run["time_s"], start)
@@ -144,7 +192,7 @@ def simulated(
     if name == "motor_torque_Nm":
         laws, proximal = _with_motor(laws, per_motor_angle(rig.drive, machine.count))
         load = np.column_stack([load, -without_zero(run, name, rig)])
-    done, trace, after = carry_on(
+    acts = Acts(
         machine,
         before.state,
         laws,
@@ -155,16 +203,28 @@ def simulated(
         given=given,
         moved=moved,
         load=load,
-        profile=profile,
     )
-    if done < len(time):
-        raise FitError(f"there is no equilibrium of the machine at {time[done]:g} s: thin the run less")
-    if name == "motor_torque_Nm":
+    return Simulation(acts, run, motor, engaged, recent, before, end_given)
+
+
+def _marched(about: Simulation, *, profile: bool) -> MachineRun:
+    done, trace, after = carry_on(about.acts, profile=profile)
+    if done < len(trace.coordinate):
+        at = about.run["time_s"][done]
+        raise FitError(f"there is no equilibrium of the machine at {at:g} s: thin the run less")
+    return _finished(about, trace, after)
+
+
+def _finished(about: Simulation, trace: MachineTrace, after: MachineState) -> MachineRun:
+    motor, engaged, before = about.motor, about.engaged, about.before
+    if before.drive == "motor_torque_Nm":
         motor = engaged = trace.coordinate[:, -1]
-    history = before._replace(state=after, time=float(time[-1]), recent=recent)
+    history = before._replace(state=after, time=float(about.run["time_s"][-1]), recent=about.recent)
     if motor is not None and engaged is not None:
         history = history._replace(motor=turned(motor, engaged, before.motor))
-    channels, history = _channels(machine, run, trace, motor, history, before, end_given=end_given)
+    channels, history = channels_of(
+        about.acts.machine, about.run, trace, motor, history, before, end_given=about.end_given
+    )
     return MachineRun(channels, trace.tension, history)
 
 
@@ -236,70 +296,6 @@ def _with_motor(laws: Coordinates, arms: Vector) -> tuple[Coordinates, Matrix]:
     ), proximal
 
 
-def _channels(
-    machine: Machine,
-    run: Mapping[str, Vector],
-    trace: MachineTrace,
-    motor: Vector | None,
-    history: MachineHistory,
-    before: MachineHistory,
-    *,
-    end_given: bool,
-) -> tuple[dict[str, Vector], MachineHistory]:
-    """Return what each channel reads, zeros, gains and lags of its sensor included; docs/model.md (178).
-
-    Where the coordinates are given, what acts on them is an outcome. The history has what is left of each.
-    """
-    n, rig, motion, ends = machine.count, machine.rig, machine.coordinates, trace.ends
-    out = dict[str, Vector]()
-    for row, name in enumerate(("tension_in_N", "tension_out_N", "displacement_in_m", "displacement_out_m")):
-        for which, channel in enumerate(numbered(name, n)):
-            out[channel] = ends[:, which, row]
-    if n == 1:
-        out["elongation_m"] = out["displacement_in_m"] - out["displacement_out_m"]
-    if motor is not None:
-        out |= _of_motor(rig, motor, ends, before.motor)
-    angles, torque = trace.coordinate[:, : motion.distal.shape[1]], None
-    if end_given:
-        angles = np.column_stack([without_zero(run, name, rig) for name in motion.names])
-        torque = _outcome(motion, angles, ends, before)
-    if rig.end.kind == "joint":
-        joint = angles[:, 0]
-        out["joint_angle_rad"] = play(joint, rig.end.play_rad, engaged_of(before.joint))
-        history = history._replace(joint=turned(joint, out["joint_angle_rad"], before.joint))
-        if torque is not None:
-            out["joint_torque_Nm"] = torque[:, 0]
-    if rig.end.kind == "segment":
-        out["bending_x_rad"], out["bending_y_rad"] = angles.T
-        out["tip_x_m"], out["tip_y_m"], out["tip_z_m"] = tip(angles, rig.end).T
-    return read_by_sensors(out, run["time_s"], rig, history, before)
-
-
-def _of_motor(rig: Rig, motor: Vector, ends: np.ndarray, before: Turning | None) -> dict[str, Vector]:
-    arms = per_motor_angle(rig.drive, ends.shape[1])
-    pulled = ends[:, :, 0] @ arms
-    if rig.end.kind == "carried":
-        pulled = pulled - ends[:, :, 1] @ arms
-    torque = pulled
-    if rig.drive.friction_Nm > 0.0:
-        torque = pulled + rig.drive.friction_Nm * direction(motor, before)
-    out = {"motor_angle_rad": motor, "motor_torque_Nm": torque}
-    if rig.drive.torque_constant_Nm_per_A > 0.0:
-        out["motor_current_A"] = torque / rig.drive.torque_constant_Nm_per_A
-    return out
-
-
-def _outcome(motion: Coordinates, angles: Matrix, ends: np.ndarray, before: MachineHistory) -> Matrix:
-    """Return what acts on coordinates that are given [s, m]: what is left of (173)."""
-    turn = angles + motion.gravity[:, 1]
-    weight = motion.gravity[:, 0] * (np.sin(turn) - np.sin(motion.gravity[:, 1]))
-    balance = motion.distal.T @ before.held[:, 1]
-    torque = ends[:, :, 1] @ motion.distal - balance - angles * motion.stiffness - weight
-    if motion.friction > 0.0:
-        torque = torque - motion.friction * direction(angles[:, 0], before.joint)[:, None]
-    return torque
-
-
 def on_clock(
     run: Mapping[str, Vector], before: Matrix | None, names: Sequence[str], lag: float
 ) -> tuple[dict[str, Vector], Matrix | None]:
@@ -327,17 +323,3 @@ def with_pending(machine: Machine, history: MachineHistory, time: float) -> Mach
     run = dict(zip(drive_channels(history.drive, machine.count), recent[later, 1:].T, strict=True))
     run["time_s"] = recent[later, 0] - lag
     return simulated(replace(machine, rig=at_once), run, before=history._replace(recent=None)).history
-
-
-def as_read(value: _Value, channel: str, rig: Rig) -> _Value:
-    """Return what the sensor of a channel reads of a true value, without its lag; docs/model.md (178)."""
-    sensor = rig.sensors.get(channel)
-    return value if sensor is None else sensor.gain * value + sensor.zero
-
-
-def without_zero(run: Mapping[str, Vector], channel: str, rig: Rig) -> Vector:
-    """Return a channel without its zero and gain; nothing where the run does not have it."""
-    if channel not in run:
-        return np.zeros(len(run["time_s"]))
-    values, sensor = run[channel], rig.sensors.get(channel)
-    return values if sensor is None else (values - sensor.zero) / sensor.gain

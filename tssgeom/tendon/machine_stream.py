@@ -23,17 +23,16 @@ from tssgeom.tendon.bars.bar_state import BarState
 from tssgeom.tendon.bars.plant import Memory
 from tssgeom.tendon.capstan import MOST_TENSION
 from tssgeom.tendon.machine import Machine, machine_of, on_routes, routed
+from tssgeom.tendon.machine_channels import as_read, without_zero
 from tssgeom.tendon.machine_command import MayWait, next_angle
 from tssgeom.tendon.machine_history import GIVEN_DRIVES, DriveName, MachineHistory
 from tssgeom.tendon.machine_simulation import (
-    as_read,
     begun,
     drive_channels,
     drive_of,
     simulated,
     with_pending,
     with_torque,
-    without_zero,
 )
 from tssgeom.tendon.moving import unmoved
 from tssgeom.tendon.state import SHARPER, TendonState
