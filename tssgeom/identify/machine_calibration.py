@@ -21,6 +21,7 @@ from tssgeom.identify.machine_problem import FIT, FitState, Problem, fit_bars, f
 from tssgeom.identify.machine_run import MachineRun, load_remarks, predicted, thinned, with_drive_known
 from tssgeom.identify.machine_selection import TriedPart, part_step
 from tssgeom.rig import Rig
+from tssgeom.threads import single_threaded
 from tssgeom.uncertain import Uncertain
 
 
@@ -49,6 +50,16 @@ def calibrate_machine(
     FitError
         Where the model has no equilibrium at what is assumed.
     """
+    with single_threaded():
+        return _calibrated(runs, rig, uncertain, progress)
+
+
+def _calibrated(
+    runs: Sequence[MachineRun],
+    rig: Rig,
+    uncertain: Sequence[Uncertain],
+    progress: Callable[[str, float], object],
+) -> MachineCalibration:
     each = max(FIT.least_of_each, FIT.most_of_all // len(runs))
     runs = [thinned(run, each) for run in runs]
     rig, uncertain = with_unknown_bends(runs, rig, uncertain)
