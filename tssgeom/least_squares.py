@@ -41,6 +41,9 @@ class SolverSettings:
     """Step by a number whose size is not known, in its unit [1]; chosen: beyond the kinks of friction."""
     shares: tuple[float, ...] = (1.0, 0.4, 0.15, 0.05)
     """Of the way to the lowest point: steps tried along a ridge, before damped ones [1]; chosen."""
+    flat: float = 10.0
+    """Falls that end a fit: where derivatives promise less than so many, a shortened step that falls by less
+    than one ends it too [1]; chosen: each contact that begins to slide bends χ² a little."""
     chords: int = 4
     """Steps with the same derivatives, along ridges [1]; chosen: derivatives take as long as twenty."""
 
@@ -231,7 +234,8 @@ def _stepped(problem: Problem[Detail], now: Solution[Detail]) -> Generator[None,
     free = ~(((now.u <= problem.lower) & (pull < 0.0)) | ((now.u >= problem.upper) & (pull > 0.0)))
     normal = (now.jacobian.T @ now.jacobian + now.precision)[np.ix_(free, free)]
     enough = max(SOLVER.converged, problem.close * now.chi2)
-    near = float(pull[free] @ np.linalg.solve(normal, pull[free])) < enough
+    promised = float(pull[free] @ np.linalg.solve(normal, pull[free]))
+    near, flat = promised < enough, promised < SOLVER.flat * enough
     ways = [(1.0, damping) for damping in SOLVER.damping]
     if problem.along_ridges:
         ways = [(share, 0.0) for share in SOLVER.shares] + ways
@@ -247,7 +251,7 @@ def _stepped(problem: Problem[Detail], now: Solution[Detail]) -> Generator[None,
                 now,
                 **{name: getattr(there, name) for name in ("u", "left", "detail", "residual", "at_bound")},
                 chi2=now.chi2 - fall,
-                converged=min(fall if share == 1.0 else np.inf, square) < enough,
+                converged=min(fall if share == 1.0 or flat else np.inf, square) < enough,
             )
     return replace(now, converged=near)
 
