@@ -1,4 +1,4 @@
-"""Machines beside one that is marched, whose twin is the march of each by itself; docs/model.md (295)."""
+"""Machines beside one that is marched, whose twin is the march of each by itself; docs/model.md (298)."""
 
 import math
 from typing import Any

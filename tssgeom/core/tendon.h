@@ -187,7 +187,7 @@ ENTRY int64_t tss_march_machine(
     const double warmth[s], int64_t rows, OUT double after[n][9 * (k + 1) + 7], OUT double coordinate[s][m],
     OUT double ends[s][4 * n], OUT double profile[rows][n * (k + 1)], WORK double trial[n][9 * (k + 1) + 7], WORK double work[21][k + 1]);
 
-/** Take a machine through the samples of a run, and c − 1 others beside it that differ little; docs/model.md (295).
+/** Take a machine through the samples of a run, and c − 1 others beside it that differ little; docs/model.md (298).
 
 The first is marched as by `march_machine`, and the contacts of the others do what its contacts do: what they add to it
 is exact to first order in their differences, as derivatives need. All else is as there, with a row for each machine.

@@ -1,7 +1,7 @@
 /* Machines that differ little from one that is marched: their contacts do what those of that one do.
 
    What a step makes of small changes is a straight line, as long as no contact begins or ends to slide. Its
-   tridiagonal matrix is that of the equilibrium, so it is factored once for all machines beside; (295). */
+   tridiagonal matrix is that of the equilibrium, so it is factored once for all machines beside; (298). */
 #include "tendon_machine.h"
 
 #include <string.h>

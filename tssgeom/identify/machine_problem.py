@@ -211,7 +211,7 @@ class Problem:
         return out
 
     def beside(self, u: Vector, steps: Vector) -> dict[int, Beside]:
-        """Return the channels a step beside some numbers, along each number that is not a zero; (295)."""
+        """Return the channels a step beside some numbers, along each number that is not a zero; (298)."""
         here, moved = self.machines(u), dict[int, tuple[float, Vector, Machines]]()
         for j, each in enumerate(self.parameters):
             if each.kind not in _LINEAR:

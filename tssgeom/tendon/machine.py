@@ -164,7 +164,7 @@ def carry_on(acts: Acts, *, profile: bool = False) -> tuple[int, MachineTrace, M
 
 
 def carry_on_beside(every: Sequence[Acts]) -> tuple[int, list[tuple[MachineTrace, MachineState]]]:
-    """Take a machine through some samples as `carry_on`, and others that differ little beside it; (295).
+    """Take a machine through some samples as `carry_on`, and others that differ little beside it; (298).
 
     Returns how many samples the first could be taken through, and what each did, to first order in how it
     differs from the first; NaN where it has no finite answer.

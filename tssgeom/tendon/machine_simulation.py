@@ -151,7 +151,7 @@ def simulated_channels(about: Simulation) -> dict[str, Vector]:
 
 
 def simulated_beside(every: Sequence[Simulation]) -> list[dict[str, Vector] | None]:
-    """Return the channels of a run, and of others to first order in how they differ from it; (295).
+    """Return the channels of a run, and of others to first order in how they differ from it; (298).
 
     They differ in their numbers alone. None where one has no finite answer, or the first no equilibrium.
     """
