@@ -24,8 +24,9 @@ from tssgeom.identify.machine_evidence import FittedModel, modelled
 from tssgeom.identify.machine_finding import MachineCampaign, MachineWork
 from tssgeom.identify.machine_fit import fit_round, fitted_again
 from tssgeom.identify.machine_parameters import Parameter, parameters_of
+from tssgeom.identify.machine_prediction import finely_predicted, predicted
 from tssgeom.identify.machine_problem import FIT, Problem, fitted_rows
-from tssgeom.identify.machine_run import MachineRun, finely_predicted, machine_run, predicted
+from tssgeom.identify.machine_run import MachineRun, machine_run
 from tssgeom.mechanism import Drive, End, GivenRoute
 from tssgeom.rig import Friction, Rig, Tendon, with_values
 from tssgeom.tendon.machine import route_of_rig

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.discovery_scores import band_share
 from tests.bristle import make_campaign
+from tests.bristle.bands import band_share
 from tssgeom import core
 from tssgeom.identify.fit import base_fit
 from tssgeom.identify.law_bands import with_bands, with_finest_knots, with_knots

@@ -6,7 +6,8 @@ import pytest
 pytest.importorskip("tests.lumped")
 from tests import lumped
 from tssgeom.identify.machine_calibration import calibrate_machine
-from tssgeom.identify.machine_run import Machines, machine_run, thinned
+from tssgeom.identify.machine_prediction import Machines
+from tssgeom.identify.machine_run import machine_run, thinned
 from tssgeom.identify.turning import legs
 from tssgeom.mechanism import Drive, End, GivenRoute
 from tssgeom.rig import Friction, Rig, Tendon

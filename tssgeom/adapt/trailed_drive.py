@@ -15,7 +15,6 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.linalg import cho_solve_banded, cholesky_banded
 
 from tssgeom.core.constants import CHANCE
 
@@ -72,10 +71,7 @@ def _gains() -> _Gains:
 
 
 _GAINS = _gains()
-_BEND = np.array([1.0, -2.0, 1.0])
-_BY_NOISE = np.array([1.0, -4.0, 6.0])
-"""Covariance of second differences of independent readings, over the variance of one: by how far apart these
-are, two, one and none [1]."""
+_FEWEST = 3  # readings that show a bend
 _ARRAYS = ("recent", "values", "speeds", "evidence")
 
 
@@ -251,22 +247,19 @@ class TrailedDrive:
 
 def _turn_of(readings: np.ndarray, noise: float) -> Turn:
     """Return how far a drive went that then turned back, by readings that increase to there; (297)."""
-    if noise == 0.0 or len(readings) < len(_BEND):
+    if noise == 0.0 or len(readings) < _FEWEST:
         return Turn(float(readings.max()), noise)
     near = _about_the_farthest(readings / noise)
-    bent = np.diff(near, 2)
-    diagonals = np.repeat(_BY_NOISE[:, None], len(bent), axis=1)
-    ends, variances, evidence = (np.empty(len(TRAIL.jerks)) for _ in range(3))
-    for i, jerk in enumerate(TRAIL.jerks):
-        diagonals[2] = _BY_NOISE[2] + jerk * jerk
-        factor = cholesky_banded(diagonals, check_finite=False)
-        whitened = cho_solve_banded((factor, False), bent, check_finite=False)
-        smooth = near - np.convolve(whitened, _BEND)
-        last = int(smooth.argmax())
-        moves = np.diff(np.eye(len(near))[last], 2)
-        ends[i] = smooth[last]
-        variances[i] = 1.0 - moves @ cho_solve_banded((factor, False), moves, check_finite=False)
-        evidence[i] = -0.5 * (bent @ whitened) - np.log(factor[2]).sum()
+    differences = np.diff(np.eye(len(near)), 2, axis=0)
+    bent, jerks = differences @ near, np.array(TRAIL.jerks)[:, None, None]
+    spread = differences @ differences.T + jerks**2 * np.eye(len(bent))
+    inverse = np.linalg.inv(spread)
+    whitened = inverse @ bent
+    smooth = near - whitened @ differences
+    last = smooth.argmax(axis=1)
+    ends, moves = smooth.max(axis=1), differences[:, last].T
+    variances = 1.0 - np.einsum("ki,kij,kj->k", moves, inverse, moves)
+    evidence = -0.5 * (whitened @ bent + np.linalg.slogdet(spread)[1])
     share = np.exp(evidence - evidence.max())
     share /= share.sum()
     end = float(share @ ends)
@@ -279,5 +272,5 @@ def _about_the_farthest(readings: np.ndarray) -> np.ndarray:
     far = np.flatnonzero(readings < readings[top] - CHANCE.never)
     stop = int(min(far[far > top], default=len(readings)))
     start = int(max(far[far < top], default=1)) - 1
-    start = max(min(start, stop - len(_BEND)), stop - TRAIL.longest, 0)
-    return readings[start : max(stop, start + len(_BEND))]
+    start = max(min(start, stop - _FEWEST), stop - TRAIL.longest, 0)
+    return readings[start : max(stop, start + _FEWEST)]

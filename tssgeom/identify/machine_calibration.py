@@ -17,8 +17,9 @@ from tssgeom.identify.machine_fit import fit_from, fitted_again, start_of
 from tssgeom.identify.machine_held_out import cycles_held_out, runs_held_out
 from tssgeom.identify.machine_parameters import parameters_of, with_unknown_bends
 from tssgeom.identify.machine_parts import DRIVE_LAG, Part, drive_lag, presliding
+from tssgeom.identify.machine_prediction import predicted
 from tssgeom.identify.machine_problem import FIT, FitState, Problem, fit_bars, fitted_rows
-from tssgeom.identify.machine_run import MachineRun, load_remarks, predicted, thinned, with_drive_known
+from tssgeom.identify.machine_run import MachineRun, load_remarks, thinned, with_drive_known
 from tssgeom.identify.machine_selection import TriedPart, part_step
 from tssgeom.rig import Rig
 from tssgeom.threads import single_threaded

@@ -64,7 +64,7 @@ class MachineCalibration(Result):
     """The rig at the lowest point of (181): of what is not identified near what was assumed, but with the
     products and ratios that are."""
     values: tuple[Mapping[tuple[str, str], float], ...]
-    """Of each run its zeros and its start, by kind and key, as `machine_run.predicted` takes them."""
+    """Of each run its zeros and its start, by kind and key, as `machine_prediction.predicted` takes them."""
     runs: tuple[MachineRun, ...]
     """The runs on their routes."""
     fitted: tuple[Mapping[str, Vector], ...]

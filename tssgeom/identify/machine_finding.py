@@ -39,8 +39,9 @@ from tssgeom.identify.machine_evidence import (
     own_numbers,
 )
 from tssgeom.identify.machine_parts import Part, absent_parts
+from tssgeom.identify.machine_prediction import finely_predicted
 from tssgeom.identify.machine_problem import FIT
-from tssgeom.identify.machine_run import MachineRun, finely_predicted
+from tssgeom.identify.machine_run import MachineRun
 from tssgeom.identify.machine_selection import PartSelection, TriedPart, reordered, without_part
 from tssgeom.identify.misfit import beyond_noise
 from tssgeom.identify.verdict import Judgement, remainder, sentence, times

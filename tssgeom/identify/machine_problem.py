@@ -18,7 +18,8 @@ import numpy as np
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.errors import FitError, SettingsError
 from tssgeom.identify.machine_parameters import Parameter, route_numbers
-from tssgeom.identify.machine_run import MachineRun, Machines, predicted_beside
+from tssgeom.identify.machine_prediction import Machines, predicted_beside
+from tssgeom.identify.machine_run import MachineRun
 from tssgeom.least_squares import SOLVER
 from tssgeom.rig import Rig, with_values
 

@@ -14,8 +14,9 @@ import numpy as np
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.errors import FitError, SettingsError
 from tssgeom.identify.machine_parameters import Parameter, bends_of, route_numbers
+from tssgeom.identify.machine_prediction import Machines
 from tssgeom.identify.machine_problem import FIT, FitState, Problem
-from tssgeom.identify.machine_run import MachineRun, Machines
+from tssgeom.identify.machine_run import MachineRun
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
 
