@@ -74,7 +74,8 @@ def test_friction_that_is_uneven_along_the_sheath_is_learnt(result, campaign):
     assert one.law.over == "arc_length_m"
     rough = truth.friction * (1.0 + truth.parameters["rough_stretch"]["gain"])
     assert one.law.value.max() == pytest.approx(rough, rel=0.12)  # the edges of the stretch are smoothed
-    assert one.law.value[:8] == pytest.approx(truth.friction, rel=0.05)
+    assert one.law.value[:8].mean() == pytest.approx(truth.friction, rel=0.03)
+    assert one.law.value[:8] == pytest.approx(truth.friction, rel=0.1)  # twelve knots, of 5 % each
     held = np.mean((one.law.low[:8] <= truth.friction) & (truth.friction <= one.law.high[:8]))
     assert held == 1.0
     before, after = (
