@@ -9,7 +9,7 @@ from tssgeom.effects import Backlash, LoadDependentFriction, TensionInGain, Tens
 from tssgeom.identify import prediction
 from tssgeom.identify.drive_noise import sampled_drives
 from tssgeom.identify.fit import base_fit
-from tssgeom.identify.machine_evidence import worst
+from tssgeom.identify.machine_evidence import contradicted
 from tssgeom.identify.misfit import _is_worse, held_out
 from tssgeom.identify.readings import readings
 
@@ -70,28 +70,8 @@ def test_errors_that_last_are_worth_fewer_readings():
 
 
 def test_one_channel_that_grows_contradicts_a_part_of_a_machine():
-    left = np.random.default_rng(5).standard_normal(400)
-    before, after = {"tension_in_N": left, "motor_torque_Nm": left}, {"tension_in_N": left / 2}
-    after["motor_torque_Nm"] = 1.1 * left
-    rises = {"tension_in_N": -50.0, "motor_torque_Nm": 5.4}
-    assert worst(rises, before, after) == "motor_torque_Nm"
-    assert worst(rises | {"motor_torque_Nm": 3.8}, before, after) == ""
-
-
-@pytest.mark.parametrize("lasts", [1, 20])
-def test_a_rise_that_its_own_spread_explains_contradicts_no_right_part(lasts):
-    rng = np.random.default_rng(6)
-    errors = np.repeat(rng.standard_normal((400, 400 // lasts)), lasts, axis=1)
-    wave = np.sin(np.linspace(0.0, 40.0, 400))
-
-    def share(size, right):
-        """Of 400 sets that a right or a wrong part, of that size, is contradicted."""
-        pairs = [(each + size * wave, each) for each in errors]
-        pairs = pairs if right else [pair[::-1] for pair in pairs]
-        return np.mean([worst({"x": 10.0}, {"x": old}, {"x": new}) == "x" for old, new in pairs])
-
-    assert max(share(size, right=True) for size in (0.05, 0.2, 1.0)) < 0.07
-    assert share(1.5 if lasts == 1 else 4.0, right=False) > 0.95
+    assert contradicted({"tension_in_N": -50.0, "motor_torque_Nm": 5.4}) == "motor_torque_Nm"
+    assert contradicted({"tension_in_N": -1.0, "motor_torque_Nm": 3.8}) == ""
 
 
 def test_a_part_too_small_to_be_measured_is_not_contradicted(clean):

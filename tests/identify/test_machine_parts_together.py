@@ -134,8 +134,7 @@ def test_a_part_is_needless_only_where_held_out_readings_do_not_ask_for_it():
     state = replace(base.state, u=np.append(base.state.u, np.zeros(len(own))))
     model = replace(base, problem=problem, state=state, parts=(speed,))
     assert without_needless(model, 0, ()).parts == ()
-    halves = ({name: 0.5 * each for name, each in old.items()} for old in (model.held, model.away))
-    helps = replace(model, **dict(zip(("held", "away"), halves, strict=True)))
+    helps = replace(model, held={name: 0.5 * rms for name, rms in model.held.items()})
     assert without_needless(helps, 0, ()) is None
 
 

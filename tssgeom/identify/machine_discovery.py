@@ -169,7 +169,7 @@ def _zeros(chosen: PartSelection, kept: Sequence[MachineRun]) -> tuple[FittedMod
         gain, size = delta_bic(*both), max(changes(*both).values())
         ratio, rises = held_out_ratio(*both), held_out_rises(*both)
         evidence = Evidence(gain, EVIDENCE_SCALE.very_strong, size, ratio, -sum(rises.values()))
-        if evidence.total > evidence.threshold and size > 1.0 and not contradicted(*both):
+        if evidence.total > evidence.threshold and size > 1.0 and not contradicted(rises):
             named.append(NamedZero(channel, evidence))
     if not named:
         return chosen.base, ()

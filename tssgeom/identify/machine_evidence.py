@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import msgspec
 import numpy as np
@@ -60,8 +60,6 @@ class FittedModel:
     """Readings by channel that are held out, over those that are fitted [1]."""
     fixed: tuple[str, ...] = ()
     """Channels whose zero is held at that of the rig."""
-    away: Mapping[str, Vector] = field(default_factory=dict)
-    """What is left of the readings that are held out, by channel [SI]."""
 
     @property
     def rig(self) -> Rig:
@@ -95,8 +93,7 @@ def modelled(
         away += _off(own, own.rows, own.answers(there.channels))
     count, of_held = _count_of(near), _count_of(away)
     share = {name: number / count[name] for name, number in of_held.items() if name in count}
-    left = _by_channel(away)
-    return replace(made, held=_rms_of(left), fitted=_rms_of(_by_channel(near)), held_share=share, away=left)
+    return replace(made, held=_rms_of(away), fitted=_rms_of(near), held_share=share)
 
 
 def own_numbers(run: MachineRun, rig: Rig, fixed: Sequence[str] = ()) -> tuple[Problem, FitState]:
@@ -119,13 +116,10 @@ def _off(
     return [(name, problem.runs[k].measured[name][at] - given[k][name][at]) for k, name, at in rows]
 
 
-def _by_channel(parts: _Off) -> dict[str, Vector]:
+def _rms_of(parts: _Off) -> dict[str, float]:
     names = dict.fromkeys(name for name, _ in parts)
-    return {name: np.concatenate([off for other, off in parts if other == name]) for name in names}
-
-
-def _rms_of(left: Mapping[str, Vector]) -> dict[str, float]:
-    return {name: root_mean_square(off) for name, off in left.items()}
+    every = {name: np.concatenate([off for other, off in parts if other == name]) for name in names}
+    return {name: root_mean_square(off) for name, off in every.items()}
 
 
 def _count_of(parts: _Off) -> dict[str, int]:
@@ -208,32 +202,10 @@ def held_out_rises(before: FittedModel, after: FittedModel) -> dict[str, float]:
     }
 
 
-def contradicted(before: FittedModel, after: FittedModel) -> str:
-    """Return the channel whose held-out readings contradict a part; empty where none does; (197), (295)."""
-    return worst(held_out_rises(before, after), before.away, after.away)
-
-
-def worst(rises: Mapping[str, float], before: Mapping[str, Vector], after: Mapping[str, Vector]) -> str:
-    """Return the channel that rises most of those that certainly do, by what is left of each; else empty."""
-    beyond = [
-        name
-        for name, rise in rises.items()
-        if rise > NORMAL_95**2 and _certain(np.square(after[name]) - np.square(before[name]))
-    ]
-    return max(beyond, key=lambda name: rises[name], default="")
-
-
-def _certain(rise: Vector) -> bool:
-    """Whether squares of what is left [n] rise by more than their own spread makes them; docs/model.md (295).
-
-    Neighbours count once where they rise together. Source: F. X. Diebold, R. S. Mariano, Comparing predictive
-    accuracy, J. Bus. Econ. Stat. 13 (1995).
-    """
-    off = rise - np.mean(rise)
-    size = root_mean_square(off)
-    if size <= 0.0:
-        return bool(np.any(rise > 0.0))
-    return float(np.sum(rise)) > NORMAL_95 * size * math.sqrt(len(rise) * inflation_of(off / size))
+def contradicted(rises: Mapping[str, float]) -> str:
+    """Return the channel whose held-out readings contradict a part; empty where none does; (119), (197)."""
+    worst = max(rises, key=lambda name: rises[name], default="")
+    return worst if worst and rises[worst] > NORMAL_95**2 else ""
 
 
 def worse(before: FittedModel, after: FittedModel, channel: str) -> str:

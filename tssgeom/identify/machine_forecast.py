@@ -11,7 +11,7 @@ import numpy as np
 
 from tssgeom.errors import FitError
 from tssgeom.identify.fit_quality import weights_of
-from tssgeom.identify.machine_evidence import FittedModel, contradicted, modelled, worse
+from tssgeom.identify.machine_evidence import FittedModel, contradicted, held_out_rises, modelled, worse
 from tssgeom.identify.machine_fit import fit_round, fitted_again
 from tssgeom.identify.machine_problem import fitted_rows
 from tssgeom.identify.machine_run import MachineRun, turns_of
@@ -26,7 +26,7 @@ def contradiction(before: FittedModel | None, model: FittedModel) -> str:
     """
     if before is None or (after := forecast(model)) is None:
         return ""
-    clause = worse(before, after, contradicted(before, after))
+    clause = worse(before, after, contradicted(held_out_rises(before, after)))
     return f"{clause}, where only the first two thirds of the runs are fitted" if clause else ""
 
 

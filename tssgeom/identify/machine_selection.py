@@ -231,7 +231,7 @@ def without_needless(model: FittedModel, which: int, kept: Sequence[MachineRun])
     """Return a model without one of its parts; None where fitted or held-out readings ask for that; (291)."""
     less, whole = without_part(model, which, kept), reordered(model, which)
     asked = less is None or delta_bic(less, whole) >= EVIDENCE_SCALE.very_strong
-    return None if less is None or asked or contradicted(whole, less) else less
+    return None if less is None or asked or contradicted(held_out_rises(whole, less)) else less
 
 
 def without_part(model: FittedModel, which: int, kept: Sequence[MachineRun]) -> FittedModel | None:
@@ -321,7 +321,7 @@ def _tried(base: FittedModel, model: FittedModel, part: Part, after: FittedModel
     made = TriedPart(part, after, gain, size, sum(rises.values()), ratio)
     if made.least <= EVIDENCE_SCALE.very_strong:
         return made
-    against = (worse(one, after, contradicted(one, after)) for one in (model, base))
+    against = (worse(one, after, contradicted(held_out_rises(one, after))) for one in (model, base))
     return replace(made, refusal=refused(model, after), contradiction=next(filter(None, against), ""))
 
 
