@@ -115,8 +115,7 @@ def score(problem: Problem, base: LawFit, mechanism: Mechanism) -> Score | None:
     jacobian = np.column_stack([base.jacobian, own])
     straight = straight_model(jacobian, base.residual, _deviation(problem, base.at, base.terms))
     best = None
-    for roughness in LAW_FIT.roughness:
-        term = replace(start, roughness=roughness)
+    for term in _priors(start, (start.order,)):
         evidence = straight.evidence(_precision(base.at, (*base.terms, term)))
         if best is None or evidence > best[0]:
             best = evidence, term

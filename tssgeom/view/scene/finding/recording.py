@@ -18,7 +18,7 @@ from tssgeom.view.figures.finding import models
 from tssgeom.view.figures.heat_map import bends
 from tssgeom.view.quantities import COUNT
 from tssgeom.view.samples import Ranges
-from tssgeom.view.scene.blueprint import Span, beside_legend, from_zero
+from tssgeom.view.scene.blueprint import Span, beside_legend, chart, from_zero, space_view
 from tssgeom.view.scene.charts import Axis, Box, Chart, send_axes, send_slip_front, send_tension_chart
 from tssgeom.view.scene.columns import Sender, segments_2d, segments_3d, strips_2d
 from tssgeom.view.scene.finding.lines import column, plotted_channels, send_lines
@@ -28,7 +28,7 @@ from tssgeom.view.scene.space import label_texts, send_joints, send_labels, send
 from tssgeom.view.scene.writer import recording_file
 
 TENSION_BOX = MISFIT_BOX = Box(width=1.9, text=0.1)
-_ROUTE = ["route/**", "joints/**", "labels/**", "scale/**"]
+_ROUTE = ("route", "joints", "labels", "scale")
 _LARGER = 2.0  # text beside the route, in views that are lower than one alone
 
 
@@ -210,12 +210,12 @@ def blueprint(finding: Finding, displayed: Replay) -> rrb.Blueprint:
     along = "Friction μ along the route, learnt" if learnt else "What this route misses, before [rad/m]"
     charted = "Friction μ ± s.e." if learnt else "Missing curve angle ± s.e. [rad/m]"
     spaces = rrb.Horizontal(
-        _space(_ROUTE, "Route coloured by tension [N]; slip front in pink", displayed),
-        _space(["blame/**"], along, displayed),
+        space_view("Route coloured by tension [N]; slip front in pink", displayed.camera, _ROUTE),
+        space_view(along, displayed.camera, ["blame"]),
     )
     charts = rrb.Horizontal(
-        _chart("tension", "Tension T [N] against arc length s [mm]", TENSION_BOX),
-        _chart("missing", f"{charted} against s [mm]", MISFIT_BOX),
+        chart("tension", "Tension T [N] against arc length s [mm]", TENSION_BOX),
+        chart("missing", f"{charted} against s [mm]", MISFIT_BOX),
     )
     text = rrb.Horizontal(
         rrb.TextDocumentView(origin="summary", name="What is missing"),
@@ -231,28 +231,6 @@ def blueprint(finding: Finding, displayed: Replay) -> rrb.Blueprint:
         rrb.TimePanel(state="collapsed", timeline=COUNT, play_state="paused", loop_mode="all"),
         auto_views=False,
         auto_layout=False,
-    )
-
-
-def _space(contents: list[str], title: str, displayed: Replay) -> rrb.Spatial3DView:
-    observed = displayed.camera
-    return rrb.Spatial3DView(
-        contents=contents,
-        name=title,
-        background=rrb.Background(color=colours.BACKGROUND),
-        line_grid=False,
-        eye_controls=rrb.EyeControls3D(
-            kind="Orbital", position=observed.eye, look_target=observed.target, eye_up=observed.up
-        ),
-    )
-
-
-def _chart(origin: str, title: str, box: Box) -> rrb.Spatial2DView:
-    return rrb.Spatial2DView(
-        origin=origin,
-        name=title,
-        background=rrb.Background(color=colours.BACKGROUND),
-        visual_bounds=rrb.VisualBounds2D(x_range=box.x_range, y_range=box.y_range),
     )
 
 
