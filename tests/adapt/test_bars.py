@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from tests.adapt.cases import BEGIN_S, follow, rig_of, scores
+from tests.adapt.cases import BEGIN_S, columns_of, follow, rig_of, route_of, scores
 from tests.twins import scenarios
+from tssgeom.adapt.offline import RunFollower
 
 EVERY = 4  # at 25 Hz
 INDEPENDENT_S = 60.0  # between moments whose errors have nothing in common
@@ -48,3 +49,19 @@ def test_readings_of_a_drive_that_stands_say_nothing_of_friction_now():
 def test_play_that_grows_raises_one_alert(seed):
     run = follow(scenarios.growing_play(seed, 0.04), every=EVERY)
     assert [one.mechanism for one in run.alerts] == ["play_at_drive"]
+
+
+@pytest.mark.parametrize("seed", [41, 42])
+def test_the_ends_are_within_their_bars_also_where_the_drive_may_have_turned(seed):
+    scenario = scenarios.sound(seed, 0.03)
+    run = RunFollower(rig_of(scenario.machine), route_of(scenario), columns_of(scenario, every=EVERY))
+    names = ("tension_in_N", "tension_out_N", "displacement_in_m", "displacement_out_m")
+    truth = np.column_stack([scenario.truth[name][::EVERY] for name in names])
+    off = list[np.ndarray]()
+    for i, _ in enumerate(run.rows()):
+        now, known = run._follower.filter, run._follower.known
+        if known is not None and i > 250 and now.trackers["displacement_in_m"].may_have_turned:
+            off.append((known.ends - truth[i]) / known.ends_se)
+    assert len(off) > 100
+    assert np.abs(off).max() < 8.0
+    assert (np.mean(np.square(off), axis=0) < 1.5).all()

@@ -129,9 +129,10 @@ def test_a_machine_without_a_measured_drive_goes_where_it_is_commanded():
 def test_a_saved_filter_of_a_machine_goes_on_with_the_same_digits(kind):
     scenario = SCENARIOS[kind](1, 6.0)
     rig, arcs = rig_of(scenario.machine), arcs_of(scenario.machine)
-    kept, stopped = Follower(rig), Follower(rig)
+    kept, stopped, is_saved = Follower(rig), Follower(rig), False
     for i, time in enumerate(scenario.times):
-        if i == 150:
+        if i >= 150 and not is_saved and (kind == "pair" or has_path(stopped)):
+            is_saved = True
             saved = json.loads(json.dumps(filter_object(stopped.saved()), allow_nan=False))
             stopped = Follower(rig, saved=filter_of(saved, rig))
         one, other = (
@@ -140,6 +141,25 @@ def test_a_saved_filter_of_a_machine_goes_on_with_the_same_digits(kind):
         )
         assert one.values.tolist() == other.values.tolist()
         assert one.read == other.read
+    assert is_saved
+
+
+def has_path(follower):
+    """Whether one of the drives may have turned, and the members of its filter may go again."""
+    saved = follower.saved()
+    return saved.path is not None and len(saved.path.steps) > 0
+
+
+def test_a_broken_path_of_drives_is_refused():
+    scenario = SCENARIOS["segment"](1, 6.0)
+    rig = rig_of(scenario.machine)
+    follower = Follower(rig)
+    assert any(has_path(follower) for _ in followed(scenario, follower))
+    saved = json.loads(json.dumps(filter_object(follower.saved())))
+    path = saved["path"]
+    for key in ("committed", "values", "turns", "steps"):
+        with pytest.raises(SettingsError, match="is broken"):
+            filter_of(saved | {"path": {**path, key: saved["members"]}}, rig)
 
 
 def test_a_broken_filter_of_a_machine_is_refused():

@@ -9,19 +9,21 @@ Weather Review 130 (2002).
 
 from __future__ import annotations
 
+import copy
 import math
 from abc import abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import ClassVar, Self
 
 import numpy as np
 
 from tssgeom import core
+from tssgeom.adapt.drive_path import DrivePath
 from tssgeom.adapt.followed import FollowedNumber
 from tssgeom.adapt.members import PLAYS, SETTINGS, Members, Rows, Standing
 from tssgeom.adapt.readings import FollowedRig, Moment, noise_variance
-from tssgeom.adapt.stepped import Compared, Stepped, Taken
+from tssgeom.adapt.stepped import PROBES, Compared, Stepped, Taken, compare, compare_turned, with_probes
 from tssgeom.adapt.trailed_drive import TRAIL, TrailedDrive, Turn
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.core.constants import CHANCE
@@ -29,12 +31,9 @@ from tssgeom.errors import FitError
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
 
-PROBES = 2
-"""Members for each drive that show what an error of it does [1]; derived: one either way."""
-
 
 @lru_cache(maxsize=8)
-def _with_probes(count: int, drives: int) -> Rows:
+def _rows_with_probes(count: int, drives: int) -> Rows:
     """Return the rows of so many members, and then of those that show what errors of the drives do."""
     rows = np.append(np.arange(count), np.zeros(PROBES * drives, dtype=np.int64))
     rows.setflags(write=False)
@@ -96,11 +95,14 @@ class Ensemble(Members):
         """Where they are behind the drives for sure, and where they are by now."""
         self.committed = np.zeros((len(self.members), len(self.drives)))
         """[members, drives] What the sensors of the drives read where the members are kept."""
+        self.path: DrivePath | None = None
+        """Where the drives go, of several, while one may have turned."""
 
     def copied(self) -> Self:
         """Return a filter that goes on from here by itself."""
         other = super().copied()
         other.kept, other.now = self.kept.copied(), self.now.copied()
+        other.path = copy.deepcopy(self.path)
         other.trackers = {name: one.copied() for name, one in self.trackers.items()}
         return other
 
@@ -128,16 +130,17 @@ class Ensemble(Members):
             self.committed[:] = driven
         else:
             turned = [one.take(value) for one, value in zip(drives, driven, strict=True)]
+            if self.path is not None:
+                self.path.take(drives)
             if any(one is not None for one in turned):
                 self._follow(turned, at)
         count, start = len(self.members), self.kept
-        rows = _with_probes(count, len(drives))
+        rows = _rows_with_probes(count, len(drives))
         if start.block.shape[1] > PLAYS:
             start.block[:, PLAYS:] = self.now.block[:, PLAYS:]
-        read = np.full((len(rows), len(drives)), [one.position for one in drives])
-        if not (exact and self.of_machines):
-            for i, one in enumerate(drives):
-                read[count + PROBES * i : count + PROBES * (i + 1), i] += one.noise, -one.noise
+        is_known = exact and self.of_machines
+        errors = [0.0 if is_known else one.noise for one in drives]
+        read = with_probes(count, [one.position for one in drives], errors)
         after = self._stepped(start, rows, read, at, self._span(at), 0.0 if math.isnan(passed) else passed)
         there = after.standing.first(count)
 
@@ -147,12 +150,20 @@ class Ensemble(Members):
             back[0, drive] -= one.way * TRAIL.may_turn * one.noise
             return self._stepped(there, rows[:1], back, at, 0.0, 0.0).read[0]
 
-        taken = self._shifted(there, after, self._given(at), read_behind)
+        compared = compare(after, self._given(at), drives, self._noise_variance, read_behind)
+        if any(one.may_have_turned for one in drives):
+            after, compared = self._turned(after, compared, rows, at)
+            there = after.standing.first(count)
+        taken = self._shifted(there, after, compared)
         self._passed(after, at)
         self.time = at.time
         if math.isnan(self.kept.time):
             self.kept.time = at.time - SETTINGS.first_span
             self.committed[:] = [one.committed for one in drives]
+        if not any(one.is_behind for one in drives) or (self.path is not None and self.path.is_full):
+            self.path = None
+        elif self.path is None and len(drives) > 1:
+            self.path = DrivePath(self.kept.copied(), self.committed.copy(), drives)
         if exact:
             self.kept = self.now.copied()
         elif any(one.needs_commit() for one in drives):
@@ -169,7 +180,7 @@ class Ensemble(Members):
             return
         up, down = further * np.maximum(self.random.uniform(-1.0, 1.0, (2, count, 1)), 0.0) ** 3  # (274)
         there = driven + noise * self.random.standard_normal((count, drives))
-        begun, rows = self.kept, _with_probes(count, 0)
+        begun, rows = self.kept, _rows_with_probes(count, 0)
         try:
             for read in (driven + up, driven - down, there):
                 begun = self._stepped(begun, rows, read, at, SETTINGS.first_span, 0.0).standing
@@ -185,15 +196,24 @@ class Ensemble(Members):
         before = self.kept.time
         return SETTINGS.first_span if math.isnan(before) else max(at.time - before, 0.0)
 
-    def _shifted(
-        self, there: Standing, after: Stepped, given: Vector, read_behind: Callable[[int], Vector]
-    ) -> Taken:
+    def _turned(self, held: Stepped, compared: Compared, rows: Rows, at: Moment) -> tuple[Stepped, Compared]:
+        """Let drives that may have turned go back to where they are by now; docs/model.md (306)."""
+        behind = [one.behind() if one.may_have_turned else 0.0 for one in self._driving]
+        drives = list(zip(self._driving, behind, strict=True))
+        read = with_probes(
+            len(self.members),
+            [one.position - one.way * back for one, back in drives],
+            [one.noise if back else 0.0 for one, back in drives],
+        )
+        after = self._stepped(held.standing.first(len(self.members)), rows, read, at, 0.0, 0.0)
+        return after, compare_turned(compared, held, after, drives, self._noise_variance)
+
+    def _shifted(self, there: Standing, after: Stepped, compared: Compared) -> Taken:
         """Let what was read shift numbers, and where the members stand and are."""
         count, kept, shifted = len(self.members), self.kept, after.ends[: len(self.members)]
         others = (there.coordinate, there.block, kept.coordinate, kept.block)
         if sum(one.shape[1] for one in others):
             shifted = np.concatenate((shifted, *others), axis=1)
-        compared = self._compared(after, given, read_behind)
         _, innovation, values, covariance, expected, moments = core.assimilate(
             self.count,
             len(self.edge),
@@ -219,6 +239,8 @@ class Ensemble(Members):
 
     def _follow(self, turned: Sequence[Turn | None], at: Moment) -> None:
         """Move what is kept behind the drives, to where one has `turned`; members differ in where."""
+        if self.path is not None and any(turned[i] for i in self.path.turns):  # it turned again
+            self.path = None
         spread = np.zeros_like(self.committed)
         if self.of_machines or turned.count(None) < len(turned):
             sd = np.array([0.0 if one is None else one.error for one in turned])
@@ -226,10 +248,22 @@ class Ensemble(Members):
         for i, (drive, one) in enumerate(zip(self._driving, turned, strict=True)):
             if one is not None:
                 drive.committed, self.committed[:, i] = one.value, one.value + spread[:, i]
+                if self.path is not None:
+                    self.path.turn(i, one.ago, self.committed[:, i].copy())
             elif drive.way * (drive.safe() - drive.committed) > 0.0:
                 drive.committed = self.committed[:, i] = drive.safe()
-        rows = _with_probes(len(self.members), 0)
-        self.kept = self._stepped(self.kept, rows, self.committed, at, self._span(at), 0.0).standing
+        path, self.path = self.path, None  # where there is no equilibrium along it
+        start, stops = self.kept, [self.committed]
+        if path is not None and any(turned):
+            start, stops = path.start, path.again(self._driving)
+            for drive, there in zip(self._driving, stops[-1].mean(axis=0).tolist(), strict=True):
+                drive.committed = there
+        elif path is not None:
+            path.step()
+        rows = _rows_with_probes(len(self.members), 0)
+        for read in stops:
+            start = self._stepped(start, rows, read, at, self._span(at), 0.0).standing
+        self.kept, self.committed, self.path = start, stops[-1], path
 
     def _result(self, taken: Taken) -> FollowedRig:
         read = dict[str, tuple[float, float]]()
@@ -303,35 +337,3 @@ class Ensemble(Members):
             numbers = zip(self.keys, self.members[rows[done]], strict=True)
             said = ", ".join(f"{key} {value:g}" for key, value in numbers)
             raise FitError(f"there is no equilibrium of the {what} with {said}: take smaller steps")
-
-    def _compared(self, after: Stepped, given: Vector, read_behind: Callable[[int], Vector]) -> Compared:
-        """Compare what was read [c] with what is expected; docs/model.md (251), (252).
-
-        Parameters
-        ----------
-        after
-            What a step made of the members, and then of the probes.
-        given
-            [c] What was read; NaN is nothing.
-        read_behind
-            What each channel should read of a member whose drive of this number has turned [c].
-        """
-        drives = self._driving
-        reading, variance, off, greatest, farthest, lowest, *by_drive = core.compare_readings(
-            len(self.members),
-            after.read,
-            after.ends,
-            given,
-            self._noise_variance,
-            np.array([(one.off, one.share, one.way) for one in drives], dtype=np.float64),
-            SETTINGS.felt,
-            SETTINGS.bent,
-        )
-        for i, (one, as_if) in enumerate(zip(drives, lowest.tolist(), strict=True)):
-            one.weigh(as_if)
-            if one.turn_probability > 0.5:
-                behind = np.maximum(farthest[i], np.abs(read_behind(i) - after.read[0]))
-                greatest += behind**2 - farthest[i] ** 2
-        if any(one.may_have_turned for one in drives):
-            reading[:] = math.nan
-        return Compared(reading, variance, np.abs(off) / np.sqrt(greatest), *by_drive)

@@ -220,7 +220,7 @@ class MachineFilter(Ensemble):
             return
         before, self.cut = self.machine, arcs
         self.draw_lines(self.values)
-        for one in (self.kept, self.now):
+        for one in (self.kept, self.now, *(() if self.path is None else (self.path.start,))):
             one.memory = one.memory.copy()
             for row in one.memory.reshape(len(one.memory), self.count, -1):
                 shift_rests(row, before, self.machine)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from copy import deepcopy
 from dataclasses import dataclass, fields, replace
 from typing import Any, get_args
 
@@ -11,6 +12,7 @@ import msgspec
 import numpy as np
 
 from tssgeom.adapt.alert import Alert
+from tssgeom.adapt.drive_path import DrivePath
 from tssgeom.adapt.ensemble import Ensemble
 from tssgeom.adapt.followed import FollowedNumber, followed_numbers
 from tssgeom.adapt.machine_filter import MachineFilter
@@ -44,7 +46,8 @@ from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.machine_history import DriveName, Turning
 from tssgeom.tendon.saved import route_of
 
-_OF_MACHINE = {"drive", "recent", "joint"}
+_STANDING_OF_MACHINE = ("memory", "coordinate", "block")
+_OF_MACHINE = {"drive", "recent", "joint", "path"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +96,8 @@ class SavedFilter:
     """What drives a machine; None of one tendon."""
     recent: Matrix | None = None
     joint: Turning | None = None
-    """As a `MachineFilter` has both."""
+    path: DrivePath | None = None
+    """As a `MachineFilter` has them."""
 
     def restored(self, rig: Rig) -> Ensemble:
         """Return the filter on a rig that states the noise of all channels."""
@@ -107,7 +111,7 @@ class SavedFilter:
         now.drift.set_rows(self.drift)
         if isinstance(now, MachineFilter):
             assert self.joint is not None
-            now.recent, now.joint = self.recent, self.joint
+            now.recent, now.joint, now.path = self.recent, self.joint, deepcopy(self.path)
         set_random(now, self.random)
         return now
 
@@ -126,7 +130,9 @@ def _fresh(
 def captured(now: Ensemble, rig: Rig, sensed: Arcs, measured: tuple[str, ...], coldest: float) -> SavedFilter:
     """Return what a filter of a `rig` needs to go on; `now` may go on meanwhile."""
     own = tuple(one.key for one in followed_numbers(rig, measured))
-    of_machine = {name: getattr(now, name) for name in _OF_MACHINE if isinstance(now, MachineFilter)}
+    of_machine = {
+        name: deepcopy(getattr(now, name)) for name in _OF_MACHINE if isinstance(now, MachineFilter)
+    }
     return SavedFilter(
         keys=own,
         measured=measured,
@@ -158,6 +164,7 @@ def filter_object(saved: SavedFilter) -> dict[str, Any]:
         values["committed"] = saved.committed[:, 0]
     else:
         values["kept_time"] = saved.kept.time
+        values["path"] = None if saved.path is None else _path_object(saved.path)
     names = _standing_names(saved.drive)
     for standing in ("now", "kept"):
         values[standing] = {name: getattr(values[standing], name) for name in names}
@@ -165,9 +172,14 @@ def filter_object(saved: SavedFilter) -> dict[str, Any]:
     return written | {"version": VERSION, "random": [f"{number:x}" for number in saved.random]}
 
 
+def _path_object(path: DrivePath) -> dict[str, Any]:
+    start = {name: getattr(path.start, name) for name in _STANDING_OF_MACHINE}
+    return {**path.plain(), "start": start, "time": path.start.time}
+
+
 def _standing_names(drive: DriveName | None) -> tuple[str, ...]:
     """Return which fields of where members stand are saved."""
-    return ("memory", "position", "by_force", "time") if drive is None else ("memory", "coordinate", "block")
+    return ("memory", "position", "by_force", "time") if drive is None else _STANDING_OF_MACHINE
 
 
 def filter_of(saved: Any, rig: Rig) -> SavedFilter:
@@ -217,7 +229,8 @@ def _checked(saved: Mapping[str, Any], rig: Rig) -> SavedFilter:
     require_sound(not math.isinf(coldest), "coldest")
     if rig.is_machine:
         recent = None if saved["recent"] is None else numbers_of(saved["recent"])
-        of_machine = {"drive": drive, "recent": recent, "joint": _turning(saved["joint"])}
+        path = None if saved.get("path") is None else _path_of(saved["path"], fresh, drive)
+        of_machine = {"drive": drive, "recent": recent, "joint": _turning(saved["joint"]), "path": path}
     else:
         of_machine = {}
     return SavedFilter(
@@ -257,6 +270,20 @@ def _standing(saved: Mapping[str, Any], fresh: Ensemble, drive: DriveName | None
     require_sound(abs(one.time) <= MOST, "time")
     check_memory(one.memory.reshape(len(fresh.members) * fresh.count, -1), len(fresh.edge))
     return one
+
+
+def _path_of(saved: Mapping[str, Any], fresh: Ensemble, drive: DriveName | None) -> DrivePath:
+    time = float(saved["time"])
+    kept = {name: numbers_of(saved[name]) for name in ("committed", "values", "steps", "turns")}
+    count, drives = fresh.committed.shape
+    require_sound(kept["committed"].shape == (count, drives), "path")
+    for name, columns in (("values", drives), ("turns", 2 + count)):
+        require_sound(kept[name].ndim == 2 and kept[name].shape[1] == columns, "path")
+    readings = range(len(kept["values"]))
+    require_sound(kept["steps"].ndim == 1, "path")
+    require_sound(all(one in readings for one in (*kept["steps"], *kept["turns"][:, 1])), "path")
+    require_sound(all(one in range(drives) for one in kept["turns"][:, 0]), "path")
+    return DrivePath.of(_standing(saved["start"], fresh, drive, time), kept)
 
 
 def _turning(saved: Any) -> Turning:

@@ -82,6 +82,8 @@ class Turn(NamedTuple):
     """In the unit of the drive."""
     error: float
     """Its standard error."""
+    ago: int
+    """How many readings ago it was there."""
 
 
 class TrailedDrive:
@@ -117,6 +119,11 @@ class TrailedDrive:
         return behind or self.turn_probability > 0.5
 
     @property
+    def is_behind(self) -> bool:
+        """Whether it is behind the farthest where it was by more than its noise."""
+        return self.may_have_turned or self.way * (self.farthest - self.value) > self.noise
+
+    @property
     def off(self) -> float:
         """How far the last reading is from `position`, over the noise [1]."""
         return (self.reading - self.position) / self.noise if self.noise else 0.0
@@ -148,8 +155,8 @@ class TrailedDrive:
         if way * behind <= CHANCE.never * self.noise:
             return None
         readings = way * np.array(self.recent)
-        end, error = _turn_of(readings, self.noise)
-        turned = Turn(way * max(end, way * self.committed), error)
+        end, error, ago = _turn_of(readings, self.noise)
+        turned = Turn(way * max(end, way * self.committed), error, ago)
         behind_turn = readings[np.argmax(readings) + 1 :]
         self.recent.clear()
         self.recent.extend((way * behind_turn).tolist())
@@ -208,6 +215,13 @@ class TrailedDrive:
         self.reading = self.value = self.position = self.farthest = self.committed = self.certain = value
         self.error = self.turn_probability = 0.0
 
+    def behind(self) -> float:
+        """Return how far it is by now behind `position` if it has turned; docs/model.md (306)."""
+        off = self.way * (self.value - self.position) / self.error
+        return self.error * (
+            math.exp(-0.5 * off**2) / (math.sqrt(0.5 * math.pi) * math.erfc(off / math.sqrt(2.0))) - off
+        )
+
     def has_moved(self) -> bool:
         """Whether it has moved since this was true last, by more than its noise."""
         if abs(self.value - self.moved_to) <= CHANCE.rare * self.noise:
@@ -248,8 +262,8 @@ class TrailedDrive:
 def _turn_of(readings: np.ndarray, noise: float) -> Turn:
     """Return how far a drive went that then turned back, by readings that increase to there; (297)."""
     if noise == 0.0 or len(readings) < _FEWEST:
-        return Turn(float(readings.max()), noise)
-    near = _about_the_farthest(readings / noise)
+        return Turn(float(readings.max()), noise, len(readings) - 1 - int(readings.argmax()))
+    start, near = _about_the_farthest(readings / noise)
     differences = np.diff(np.eye(len(near)), 2, axis=0)
     bent, jerks = differences @ near, np.array(TRAIL.jerks)[:, None, None]
     spread = differences @ differences.T + jerks**2 * np.eye(len(bent))
@@ -263,14 +277,18 @@ def _turn_of(readings: np.ndarray, noise: float) -> Turn:
     share = np.exp(evidence - evidence.max())
     share /= share.sum()
     end = float(share @ ends)
-    return Turn(noise * end, noise * math.sqrt(share @ (variances + (ends - end) ** 2)))
+    error = noise * math.sqrt(share @ (variances + (ends - end) ** 2))
+    return Turn(noise * end, error, len(readings) - 1 - start - round(float(share @ last)))
 
 
-def _about_the_farthest(readings: np.ndarray) -> np.ndarray:
-    """Return the readings, in noises, that lie about the farthest of their means of three, and two before."""
+def _about_the_farthest(readings: np.ndarray) -> tuple[int, np.ndarray]:
+    """Return the readings, in noises, that lie about the farthest of their means of three, and two before.
+
+    The number of the first of them stands before them.
+    """
     top = 1 + int((readings[:-2] + readings[1:-1] + readings[2:]).argmax())
     far = np.flatnonzero(readings < readings[top] - CHANCE.never)
     stop = int(min(far[far > top], default=len(readings)))
     start = int(max(far[far < top], default=1)) - 1
     start = max(min(start, stop - _FEWEST), stop - TRAIL.longest, 0)
-    return readings[start : max(stop, start + _FEWEST)]
+    return start, readings[start : max(stop, start + _FEWEST)]
