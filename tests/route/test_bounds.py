@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from tssgeom.route.bounds import polygon
+from tests.route.test_ratio_average import sensors
+from tssgeom.route.bounds import polygon, polygon_of
 from tssgeom.route.geometry import measure, within_bounds
 from tssgeom.route.observations import clean
 from tssgeom.route.synthetic import Course, half_circle, positions
@@ -70,3 +71,30 @@ def test_a_fit_below_its_polygon_warns_with_both_numbers():
     bent = clean(np.vstack((shape.points[:-1], shape.points[-1] + [0.0, 0.0, 0.05])))
     (warning,) = [text for text in within_bounds(fit, bent).warnings if "polygon" in text or "apart" in text]
     assert "check noise_mm" in warning
+
+
+def _sensors(seed, n, gap=None):
+    """Return a random route and the shape of n sensors, one of which may lack its direction."""
+    course, points, directions = sensors(seed, n)
+    if gap is not None:
+        directions[gap] = math.nan
+    return course, clean(points, None, directions, np.radians(0.5))
+
+
+@pytest.mark.parametrize(("seed", "n"), [(110, 5), (175, 5), (189, 6), (201, 5), (202, 5)])
+def test_a_route_turns_by_no_less_than_the_directions_of_its_sensors(seed, n):
+    course, shape = _sensors(seed, n)
+    arcs = measure(shape).arcs
+    assert abs(arcs.total_angle - course.total_angle) < 2.0 * arcs.total_angle_se
+    assert arcs.total_angle > polygon_of(shape, np.ones(n)).directions_angle
+
+
+@pytest.mark.parametrize("gap", [None, 2])
+@pytest.mark.parametrize("seed", range(2, 12))
+def test_noise_of_directions_breaks_no_bound_of_the_true_route(seed, gap):
+    course, shape = _sensors(seed, 8, gap)
+    through = polygon_of(shape, np.ones(8))
+    assert 0.0 < through.directions_angle < course.total_angle
+    broken = through.broken(0.6, 0.9 * through.directions_angle, 1.0)
+    assert broken is not None
+    assert "the directions of its sensors by at least" in broken

@@ -125,18 +125,23 @@ def _hermite(points: np.ndarray, tangents: np.ndarray) -> float:
     return float(np.sum(0.5 * (rate[1:] + rate[:-1]) * np.diff(at)))
 
 
+def sensors(seed: int, n: int) -> tuple[Course, np.ndarray, np.ndarray]:
+    """Return a random route, and the points and directions of n sensors along it."""
+    rng = np.random.default_rng([seed, n, 7])
+    course = random_course(rng)
+    joints = np.concatenate(([0.0], np.cumsum(course.length)[:-1]))
+    s, form = np.linspace(0.0, 0.5, n), form_of(np.zeros(3), np.eye(3), joints, course.bend)
+    position, tangent, _ = along(s, form)
+    points = position + 5e-4 * rng.standard_normal((n, 3))
+    sensed = tangent + np.radians(0.5) * rng.standard_normal((n, 3))
+    return course, points, sensed / np.linalg.norm(sensed, axis=1)[:, None]
+
+
 @pytest.mark.parametrize("n", [6, 8])
 def test_few_sensors_with_directions_give_the_angle_as_hermite_pieces_do(n):
     ours, peer, inside = [], [], []
     for seed in range(16):
-        rng = np.random.default_rng([seed, n, 7])
-        course = random_course(rng)
-        joints = np.concatenate(([0.0], np.cumsum(course.length)[:-1]))
-        s, form = np.linspace(0.0, 0.5, n), form_of(np.zeros(3), np.eye(3), joints, course.bend)
-        position, tangent, _ = along(s, form)
-        points = position + 5e-4 * rng.standard_normal((n, 3))
-        sensed = tangent + np.radians(0.5) * rng.standard_normal((n, 3))
-        sensed /= np.linalg.norm(sensed, axis=1)[:, None]
+        course, points, sensed = sensors(seed, n)
         with suppress(FitError, ShapeError):  # few sensors may be too few, or a coil seem out of order
             arcs = measure(clean(points, None, sensed, np.radians(0.5))).arcs
             ours.append(abs(arcs.total_angle - course.total_angle))

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from tssgeom.arrays import Points, Vector
 from tssgeom.core.constants import CHANCE, ROUNDING
+from tssgeom.route.observations import Shape
 from tssgeom.route.route import step_lengths
 
 
@@ -40,6 +41,8 @@ class Polygon:
     """Standard deviation of the sum of the chords over that of a coordinate [1]."""
     angle_error: float
     """Standard deviation of the sum of the turns over that of a coordinate [1/m]."""
+    directions_angle: float
+    """Sum of the angles between successive directions [rad], less what their noise adds; 0 without any."""
 
     def broken(self, length: float, angle: float, noise: float) -> str | None:
         """Say which bound a fit breaks, or return None.
@@ -71,7 +74,22 @@ class Polygon:
                 f"the route turns by {math.degrees(angle):.4g}°, the polygon through its points by at least "
                 f"{math.degrees(least):.4g}°: check noise_mm, and check for outlying points"
             )
+        if angle < self.directions_angle:
+            return (
+                f"the route turns by {math.degrees(angle):.4g}°, the directions of its sensors by at least "
+                f"{math.degrees(self.directions_angle):.4g}°: check direction_noise_deg, and their order"
+            )
         return None
+
+
+def polygon_of(shape: Shape, weight: Vector) -> Polygon:
+    """Return the polygon through the points of a shape that have a weight [n], and its directions."""
+    through = polygon(shape.points, weight)
+    if shape.directions is None:
+        return through
+    turns, change = _turns(shape.directions[(weight > 0.0) & np.isfinite(shape.directions[:, 0])])
+    noise = _RAYLEIGH * math.sqrt(2.0) * len(turns) + CHANCE.clear * float(np.sqrt(np.sum(change**2)))
+    return replace(through, directions_angle=float(turns.sum()) - noise * shape.direction_noise)
 
 
 def polygon(points: Points, weight: Vector) -> Polygon:
@@ -79,20 +97,26 @@ def polygon(points: Points, weight: Vector) -> Polygon:
     used = points[weight > 0.0]
     size = np.maximum(step_lengths(used), 1e-300)
     unit = np.diff(used, axis=0) / size[:, None]
+    turn, of_unit = _turns(unit)
+    of_points = np.zeros_like(used)  # how the turns change with the chords, and these with the points
+    of_points[:-1] -= of_unit / size[:, None]
+    of_points[1:] += of_unit / size[:, None]
+    return Polygon(
+        chord=size,
+        turn=turn,
+        length_error=math.sqrt(2.0 + float(np.sum(np.diff(unit, axis=0) ** 2))),
+        angle_error=float(np.sqrt(np.sum(of_points**2))),
+        directions_angle=0.0,
+    )
+
+
+def _turns(unit: Points) -> tuple[Vector, Points]:
+    """Return the angles [n − 1] between successive directions [n, 3], and how their sum changes with each."""
     before, after = unit[:-1], unit[1:]
     cosine = np.einsum("ij,ij->i", before, after)[:, None]
     aside = after - cosine * before
     sine = np.maximum(np.sqrt(np.einsum("ij,ij->i", aside, aside)), 1e-12)[:, None]
-    # how the turns change with the directions of the chords, and these with the points
-    of_before = -aside / sine / size[:-1, None]
-    of_after = (cosine * after - before) / sine / size[1:, None]
-    of_points = np.zeros_like(used)
-    of_points[:-2] -= of_before
-    of_points[1:-1] += of_before - of_after
-    of_points[2:] += of_after
-    return Polygon(
-        chord=size,
-        turn=np.arctan2(sine, cosine)[:, 0],
-        length_error=math.sqrt(2.0 + float(np.sum((after - before) ** 2))),
-        angle_error=float(np.sqrt(np.sum(of_points**2))),
-    )
+    change = np.zeros_like(unit)
+    change[:-1] -= aside / sine
+    change[1:] += (cosine * after - before) / sine
+    return np.arctan2(sine, cosine)[:, 0], change

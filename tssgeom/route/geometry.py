@@ -21,7 +21,7 @@ from tssgeom.route.arcs.corners import cornered
 from tssgeom.route.arcs.moves import Budget, fit_chain
 from tssgeom.route.arcs.outliers import refitted_with_tangents, with_tangents, without_outliers
 from tssgeom.route.arcs.summary import ChainPieces, chain_follows, chain_nodes, identifiable
-from tssgeom.route.bounds import polygon
+from tssgeom.route.bounds import polygon_of
 from tssgeom.route.curvature_priors import turned_between
 from tssgeom.route.directions import direction_warnings
 from tssgeom.route.model_average import averaged_over_models
@@ -141,7 +141,8 @@ def within_bounds(fit: RouteFit, shape: Shape) -> RouteFit:
 
     Many points also show where known stations lie farther apart than they: Φ would be too great as well.
     """
-    broken = polygon(shape.points, fit.weight).broken(fit.arcs.total_length, fit.arcs.total_angle, fit.noise)
+    through = polygon_of(shape, fit.weight)
+    broken = through.broken(fit.arcs.total_length, fit.arcs.total_angle, fit.noise)
     fit = fit if broken is None else fit.warned(broken)
     if shape.stations is None or fit.spline is None or are_few(shape.points):
         return fit

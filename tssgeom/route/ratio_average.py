@@ -15,7 +15,7 @@ from tssgeom.arrays import Vector
 from tssgeom.core.constants import CHANCE
 from tssgeom.core.constants_route import PASSES, PRIOR, SEARCH
 from tssgeom.errors import FitError
-from tssgeom.route.bounds import Polygon, polygon
+from tssgeom.route.bounds import Polygon, polygon_of
 from tssgeom.route.model_choice import added_variance, model_probabilities
 from tssgeom.route.observations import NOISE_PRIOR, Shape, are_few, noise_price, on_chords
 from tssgeom.route.pieces import smooth_geometry
@@ -196,7 +196,7 @@ def _within_bounds(shape: Shape, candidates: list[_Candidate]) -> Iterator[_Cand
         route = one.spline.route
         key = route.weight.tobytes()
         if key not in polygons:
-            polygons[key] = polygon(shape.points, route.weight)
+            polygons[key] = polygon_of(shape, route.weight)
         if not polygons[key].broken(float(route.s[-1]), one.angle, route.noise):
             yield one
 
