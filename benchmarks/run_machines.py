@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
+from msgspec import structs
 
 from benchmarks.real_sets import ARM, PRELOAD, ZERO
 from benchmarks.run_laws import Case, Estimate, Prediction
@@ -53,7 +54,8 @@ class Plan(NamedTuple):
 def predictions(case: Case) -> Mapping[str, Prediction] | None:
     """Return what the calibrated machine predicts for a case; None where its rig is no machine."""
     if case.source == "davinci_tool":
-        return _of(case, tool_machine(case))
+        distal = _of(case, tool_by_angle(case))["tension_out_N"]
+        return {**_of(case, tool_machine(case)), "tension_out_N": distal}
     return _of(case, segment_machine(case)) if case.source == "tdcr_tendon_tip" else None
 
 
@@ -75,6 +77,17 @@ def tool_machine(case: Case) -> Plan:
         "joint_angle_rad": ("joint_angle_rad", 1.0, 0.0),
     }
     return Plan(rig, uncertain, columns, answers)
+
+
+def tool_by_angle(case: Case) -> Plan:
+    """Return the same loop with motor and joint angle given, whose torques at both ends answer."""
+    plan = tool_machine(case)
+    end = structs.replace(plan.rig.end, given="angle")
+    answers = {
+        "tension_in_N": plan.answers["tension_in_N"],
+        "tension_out_N": ("joint_torque_Nm", 1.0 / ARM, PRELOAD),
+    }
+    return plan._replace(rig=structs.replace(plan.rig, end=end), answers=answers)
 
 
 def segment_machine(case: Case) -> Plan:
