@@ -13,6 +13,7 @@ from tssgeom.io.formats.files import find_inputs, open_recording
 from tssgeom.io.formats.laboratory.mapping import ColumnMap
 from tssgeom.io.formats.laboratory.names import meaning_of
 from tssgeom.io.formats.laboratory.table import laboratory_table
+from tssgeom.io.formats.recording import usable
 from tssgeom.io.formats.runs import read_run
 from tssgeom.stream import Frame, Rejected
 
@@ -146,6 +147,13 @@ def test_recordings_by_a_column_are_parts_of_their_file(tmp_path):
     with pytest.raises(ShapeError, match=r"it holds 2 .*runs\.csv#1"):
         read_run(tmp_path / "runs.csv")
     np.testing.assert_array_equal(read_run(tmp_path / "runs.csv#2").time, second.columns[0][30:])
+
+
+def test_a_numbered_marker_that_is_too_far_out_raises_no_warning_of_its_length(tmp_path):
+    (tmp_path / "far.txt").write_text("Nr;x_mm;y_mm;z_mm\n1;1e300;0;0\n2;1;0;0\n3;2;0;0\n4;3;1;0\n")
+    (frame,) = open_recording(tmp_path / "far.txt")
+    assert isinstance(frame, Frame)
+    assert not usable(frame)
 
 
 def test_a_note_says_how_a_file_was_read(tmp_path):

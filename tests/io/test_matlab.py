@@ -98,3 +98,29 @@ def test_version_7_3_is_refused_with_what_to_type_in_matlab_whatever_its_size(tm
         SourceError, match=r"save\('trial_v7.mat', '-v7'\), or writematrix\(points, 'trial.csv'\)"
     ):
         open_recording(path, "mm")
+
+
+def test_two_variables_of_one_name_are_refused(tmp_path):
+    path = tmp_path / "data.mat"
+    savemat(path, {"x_mm": np.arange(5.0), "y_mm": np.arange(5.0), "z_mm": np.arange(5.0)})
+    path.write_bytes(path.read_bytes().replace(b"y_mm", b"x_mm"))
+    with pytest.raises(SourceError, match='Duplicate variable name "x_mm"'):
+        open_recording(path)
+
+
+@pytest.mark.parametrize("count", [2, 4])
+def test_units_of_another_number_than_the_columns_are_refused(tmp_path, count):
+    units = ["mm"] * count
+    points = np.random.default_rng(1).normal(size=(6, 3))
+    savemat(tmp_path / "data.mat", {"data": points, "units": np.array(units, dtype=object)})
+    with pytest.raises(ShapeError, match=f"{count} units for 3 columns"):
+        open_recording(tmp_path / "data.mat")
+
+
+def test_an_empty_unit_is_none_and_units_of_numbers_are_no_units(tmp_path):
+    columns = np.column_stack([np.arange(6.0), np.random.default_rng(1).normal(size=(6, 3))])
+    named = {"data": columns, "names": np.array(["Nr", "x", "y", "z"], dtype=object)}
+    savemat(tmp_path / "data.mat", named | {"units": np.array(["", "mm", "mm", "mm"], dtype=object)})
+    assert open_recording(tmp_path / "data.mat").unit == "mm"
+    savemat(tmp_path / "data.mat", named | {"units": np.arange(8.0).reshape(2, 4)})
+    assert open_recording(tmp_path / "data.mat", "m").unit == "m"

@@ -44,6 +44,12 @@ def test_a_name_that_only_begins_alike_has_no_lumen(tmp_path, shape):
         ("a_lumen.glb", b"glTF", SourceError, "cannot be read as a mesh"),
         ("a_lumen.obj", b"v 0 0 0\n", (ShapeError, SourceError), "mesh"),
         ("a_lumen.obj", b"v 0 0\nv 1 0\nv 0 1\nf 1 2 3\n", ShapeError, "impossible corners"),
+        (
+            "a_lumen.stl",
+            b" " * 80 + b"\1\0\0\0" + b"\xff\xff\x7f\x7f" * 12 + b"\0\0",
+            ShapeError,
+            "impossible",
+        ),
         ("a_lumen.txt", b"", SourceError, "no reader takes '.txt' as a mesh"),
         (None, b"", SourceError, "no such file"),
     ],

@@ -1,5 +1,7 @@
 """NumPy archives of shapes and recordings."""
 
+import zipfile
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
@@ -7,6 +9,7 @@ import pytest
 
 from tssgeom.errors import ShapeError, SourceError
 from tssgeom.io.formats.files import Recording, open_recording
+from tssgeom.io.formats.recording import usable
 from tssgeom.stream import Frame, Rejected
 
 POINTS = np.random.default_rng(2).normal(size=(3, 6, 3))
@@ -85,12 +88,21 @@ def test_unit_rules_are_those_of_the_other_formats(tmp_path):
         ({"points": POINTS, "time_s": [0.0, 1.0]}, "time_s has the size (2,) for 3 frames"),
         ({"points": POINTS, "s": np.zeros(5)}, "s has the size (5,)"),
         ({"points": np.full((3, 6, 3), "a")}, "points holds no numbers"),
+        ({"points": POINTS, "time_s": [0j, 1j, 2j]}, "time_s holds no numbers but complex128"),
+        ({"points": POINTS, "time_s": np.arange(3).astype("M8[s]")}, "no numbers but datetime64[s]"),
     ],
 )
 def test_arrays_of_the_wrong_size_or_kind_are_refused(tmp_path, arrays, says):
     with pytest.raises(ShapeError) as caught:
         opened(tmp_path, unit="m", **arrays)
     assert says in str(caught.value)
+
+
+@pytest.mark.parametrize("far", [1e300, np.inf])
+def test_frames_that_are_too_far_apart_are_rejected_without_a_warning_of_their_distance(tmp_path, far):
+    (first, *_) = opened(tmp_path, points=POINTS * [[[far]], [[1.0]], [[1.0]]], unit="m").frames
+    assert isinstance(first, Frame)
+    assert not usable(first)
 
 
 def test_nothing_is_unpickled(tmp_path):
@@ -100,6 +112,27 @@ def test_nothing_is_unpickled(tmp_path):
 
 @pytest.mark.parametrize("content", [b"", b"PK\x03\x04 cut short", b"no archive at all"])
 def test_a_broken_archive_is_refused_in_one_line(tmp_path, content):
+    (tmp_path / "run.npz").write_bytes(content)
+    with pytest.raises(SourceError, match="cannot be read as NPZ"):
+        open_recording(tmp_path / "run.npz")
+
+
+def _packed(head: bytes, packer: int) -> bytes:
+    file = BytesIO()
+    with zipfile.ZipFile(file, "w", packer) as archive:
+        archive.writestr("points.npy", b"\x93NUMPY\1\0" + len(head).to_bytes(2, "little") + head + bytes(999))
+    return file.getvalue()
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        _packed(b"{'descr': '<f8', 'shape': (9, 3), \n", zipfile.ZIP_STORED),
+        _packed(b"{'descr': '<f8'}", zipfile.ZIP_LZMA).replace(b"\x5d\0\0", b"\xff" * 3),
+    ],
+    ids=["a header that does not end", "what LZMA did not pack"],
+)
+def test_whatever_python_raises_on_a_broken_archive_the_refusal_is_one_line(tmp_path, content):
     (tmp_path / "run.npz").write_bytes(content)
     with pytest.raises(SourceError, match="cannot be read as NPZ"):
         open_recording(tmp_path / "run.npz")

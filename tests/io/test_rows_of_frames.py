@@ -136,6 +136,8 @@ def test_stations_that_count_the_points_name_their_column(tmp_path):
     assert warning == "column 'S' is read as arc length: if it numbers the points, give --map \"S=point\""
     path.write_text("\n".join(["S,x,y,z", *(f"{k + 1},{k},0,0" for k in range(7))]), encoding="utf-8")
     assert open_recording(path, "mm").warnings == ()
+    path.write_text("\n".join(["S,x,y,z", "inf,0,0,0", *rows, "inf,1e300,0,0"]), encoding="utf-8")
+    assert open_recording(path, "mm").warnings == ()  # nor one of NumPy, of a difference
 
 
 @pytest.mark.parametrize("word", ["lost", "?"])

@@ -190,6 +190,12 @@ def test_a_bad_row_of_a_recording_rejects_its_frame_only(tmp_path, row, text, sa
     assert [item.time for item in recording.frames if isinstance(item, Frame)] == [0.0, 2.0]
 
 
+def test_points_numbered_by_infinity_are_rejected_in_one_line(tmp_path):
+    rows = [row.replace(",0,", ",inf,", 1).replace(",1,", ",inf,", 1) for row in RECORDING]
+    recording = opened(tmp_path, "time_s,point,x_mm,y_mm,z_mm\n" + "\n".join(rows))
+    assert "point is no whole number from 0" in reasons(recording)[0]
+
+
 def test_two_values_of_one_measurement_in_a_frame_reject_it(tmp_path):
     recording = opened(
         tmp_path, "time_s,x_m,y_m,z_m,tension_in_N\n0,0,0,0,1\n0,1,0,0,2\n1,0,0,0,1\n1,1,0,0,1\n"

@@ -11,6 +11,7 @@ from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter
 
 from tssgeom.errors import ShapeError, SourceError, TssgeomError
 from tssgeom.io.formats.files import Recording, find_inputs, open_recording
+from tssgeom.io.formats.recording import usable
 from tssgeom.stream import Frame
 
 CORPUS = Path(__file__).parent / "corpus"
@@ -147,6 +148,14 @@ def test_a_broken_file_is_refused_in_one_line(tmp_path, cut):
     with pytest.raises(SourceError, match="cannot be read as VTK poly data") as caught:
         open_recording(tmp_path / "cut.vtp", "mm")
     assert "\n" not in str(caught.value)
+
+
+def test_a_point_beyond_single_precision_is_infinite_and_rejected_without_a_warning(tmp_path):
+    text = (CORPUS / "lines_ascii.vtp").read_text().replace("0 0 0 14.7", "0 0 1e300 14.7")
+    (tmp_path / "far.vtp").write_text(text)
+    (frame,) = open_recording(f"{tmp_path / 'far.vtp'}#1", "mm")
+    assert isinstance(frame, Frame)
+    assert not usable(frame)
 
 
 def test_another_kind_of_vtk_file_is_refused(tmp_path):

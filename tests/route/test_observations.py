@@ -110,6 +110,12 @@ def test_stations_that_cannot_belong_to_the_points_are_refused(scale):
         clean(_arc(), scale * np.linspace(0.0, 0.5, 50))
 
 
+@pytest.mark.parametrize("stations", [[np.inf] * 5, [-1e308, 1.0, 2.0, 3.0, 1.7e308]])
+def test_infinite_stations_are_refused_without_a_warning_of_their_difference(stations):
+    with pytest.raises(ShapeError, match="check the unit of the stations"):
+        clean(_arc(5), np.array(stations))
+
+
 def test_stations_a_tenth_too_short_are_worth_a_warning():
     noisy = _arc() + 1e-3 * np.random.default_rng(0).standard_normal((50, 3))
     assert clean(noisy, np.linspace(0.0, 0.5, 50)).warnings == ()

@@ -133,7 +133,8 @@ def clean(
         used, counts = points[index], read_only(index.astype(np.float64))
         known = None if known is None else known[index]
         _refuse_unusable(used, ordered=known is not None)
-    begun = None if known is None else read_only(known - known[0])
+    with np.errstate(over="ignore", invalid="ignore"):  # infinite stations are refused with their length
+        begun = None if known is None else read_only(known - known[0])
     if begun is not None:
         warnings += station_warnings(used, begun)
     shape = Shape(read_only(used), counts, begun, warnings)

@@ -57,6 +57,7 @@ def note_of_axes(name: str, order: tuple[int, ...]) -> tuple[str, ...]:
     return (f"{name}[{stored}] read as [{','.join(letters)}]",)
 
 
+@np.errstate(over="ignore", invalid="ignore")
 def require_frames_first(path: Path, name: str, first: np.ndarray, last: np.ndarray) -> None:
     """Refuse an array without times whose first and last row [N, 3] are paths of points, not frames.
 

@@ -82,7 +82,8 @@ class LongFrames(Frames):
         """Return the index of each row in its frame; missing numbers are points that were not observed."""
         if not self.table.columns.numbered:
             return np.arange(len(rows))
-        numbers = self.table.values[POINT][rows] - self.lowest
+        with np.errstate(invalid="ignore"):  # an infinite one is no whole number
+            numbers = self.table.values[POINT][rows] - self.lowest
         good = (numbers >= 0) & (numbers <= MOST_POINTS) & (numbers == np.floor(numbers))
         if not good.all():
             where = self._where(rows[int(np.argmin(good))])

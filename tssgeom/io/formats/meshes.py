@@ -86,7 +86,8 @@ def _loaded(path: Path) -> trimesh.Trimesh:
 
     content = BytesIO(bytes_of(path))
     try:
-        return trimesh.load_mesh(content, file_type=path.suffix[1:].lower())
+        with np.errstate(all="ignore"):  # impossible corners are refused below, in one line
+            return trimesh.load_mesh(content, file_type=path.suffix[1:].lower())
     except OSError as error:
         raise unreadable(path, error) from error
     except Exception as error:  # a broken file can make the loaders of trimesh raise anything

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import zipfile
-import zlib
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -27,6 +26,8 @@ _BLOCK = 1 << 22
 _LARGE = ("points", "s")
 _SMALL = (TIME, "unit", *MEASURED, *OF_MACHINE)
 _DRIVES = ("tension_in", "displacement_in", "displacement_target", "tension_out_target", "motor_")
+_NUMBERS = "fiub"
+"""Kinds of arrays that are read as numbers: complex ones and dates would lose what they are."""
 _ARRAY = b"\x93NUMPY"
 _LENGTHS = 26
 """Bytes of the local header of a member of an archive before the lengths of its name and extra field; APPNOTE
@@ -244,9 +245,9 @@ def _read(path: Path) -> Iterator[None]:
     """Turn a failure to read the archive into an error of the source."""
     try:
         yield
-    except TssgeomError:
+    except (TssgeomError, MemoryError):
         raise
-    except (OSError, ValueError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error) as error:
+    except Exception as error:  # ZIP, its packers and the headers of NumPy raise what they like
         raise SourceError(
             f"{path}: cannot be read as NPZ ({first_line(error)}): write it with numpy.savez"
         ) from error
@@ -305,7 +306,7 @@ def _arrays(path: Path) -> tuple[dict[str, Any], set[str]]:
 
 
 def _of_numbers(path: Path, array: Stored) -> Stored:
-    if array.dtype.kind not in "fiub":
+    if array.dtype.kind not in _NUMBERS:
         raise ShapeError(f"{path}: {array.name} holds no numbers but {array.dtype}: save float64")
     return array
 
@@ -316,10 +317,10 @@ def _text(unit: Any) -> str:
 
 
 def _numbers(path: Path, arrays: Mapping[str, Any], name: str) -> np.ndarray:
-    try:
-        return np.array(arrays[name], dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise ShapeError(f"{path}: {name} holds no numbers but {arrays[name].dtype}: save float64") from error
+    array = np.asarray(arrays[name])
+    if array.dtype.kind not in _NUMBERS:
+        raise ShapeError(f"{path}: {name} holds no numbers but {array.dtype}: save float64")
+    return np.array(array, dtype=np.float64)
 
 
 def _per_frame(path: Path, arrays: Mapping[str, Any], name: str, count: int) -> Vector:

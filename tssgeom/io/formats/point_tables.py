@@ -153,6 +153,7 @@ def _recording(path: Path, kind: str, table: Table, names: Mapping[str, str] | N
     )
 
 
+@np.errstate(over="ignore", invalid="ignore")
 def _counted_stations(table: Table, rows: Rows, names: Mapping[str, str]) -> tuple[str, ...]:
     """Warn where stations without a unit count the points 1 apart, which the points themselves are not."""
     station = table.columns.station

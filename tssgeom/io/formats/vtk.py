@@ -280,7 +280,8 @@ def _from_text(text: str, kind: np.dtype[Any]) -> NDArray[Any]:
     while ends[-1] < len(text):
         blank = _BLANK.search(text, ends[-1] + _TEXT_BLOCK)
         ends.append(blank.start() if blank else len(text))
-    blocks = [np.array(text[begin:end].split(), dtype=kind) for begin, end in pairwise(ends)]
+    with np.errstate(over="ignore"):  # a point beyond single precision is infinite, and refused as one
+        blocks = [np.array(text[begin:end].split(), dtype=kind) for begin, end in pairwise(ends)]
     return np.concatenate(blocks) if blocks else np.array([], dtype=kind)
 
 

@@ -183,6 +183,7 @@ def _matlab(path: Path) -> list[RawTable]:
     }
     names = next((_words(held[key]) for key in held if key.lower() in _NAMES_OF_COLUMNS), ())
     stated = next((held[key] for key in held if key.lower() in _UNITS_OF_COLUMNS), ())
+    units = _words(stated)
     alike = [
         name for name, array in arrays.items() if array.ndim == 2 and 3 in array.shape and array.size > 9
     ]
@@ -190,7 +191,11 @@ def _matlab(path: Path) -> list[RawTable]:
         raise ShapeError(f"{path}: {', '.join(alike)} may each be the points: save one of them")
     for array in sorted(arrays.values(), key=lambda each: -each.size):
         if array.ndim == 3 or (array.ndim == 2 and min(array.shape) > 1):
-            table = _of_matrix(path, array, names if array.shape[-1] == len(names) else (), _words(stated))
+            table = _of_matrix(path, array, names if array.shape[-1] == len(names) else (), units)
+            if table.units and len(units) != len(table.names):
+                raise ShapeError(
+                    f"{path}: {len(units)} units for {len(table.names)} columns: state one for each"
+                )
             return [_with_length_unit(table, stated)]
     size = Counter(array.size for array in arrays.values() if array.ndim == 1).most_common(1)
     columns = {name: array for name, array in arrays.items() if size and array.size == size[0][0]}
@@ -198,13 +203,15 @@ def _matlab(path: Path) -> list[RawTable]:
         raise ShapeError(
             f"{path}: no arrays of one length among {', '.join(held) or 'nothing'}: save columns"
         )
-    units = dict(stated) if isinstance(stated, dict) else dict(zip(columns, _words(stated), strict=False))
-    return [_with_length_unit(_of_columns(columns, units), stated)]
+    of_name = dict(stated) if isinstance(stated, dict) else dict(zip(columns, units, strict=False))
+    return [_with_length_unit(_of_columns(columns, of_name), stated)]
 
 
 def _words(value: Any) -> tuple[str, ...]:
-    words = value if isinstance(value, list | np.ndarray) else ()
-    return tuple(str(word).strip() for word in words)
+    """Return the words of a list; nothing where numbers are among them. An empty cell is read as no array."""
+    words = list(value) if isinstance(value, list | np.ndarray) else []
+    words = ["" if np.size(word) == 0 else word for word in words]
+    return tuple(word.strip() for word in words) if all(isinstance(word, str) for word in words) else ()
 
 
 def _with_length_unit(table: RawTable, stated: Any) -> RawTable:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+import warnings
 import zlib
 from collections.abc import Iterator
 from io import BytesIO
@@ -44,7 +45,10 @@ def matlab_variables(path: Path) -> dict[str, Any]:
     packed = bytes_of(path)
     if 0 not in packed[:4]:  # version 4 has a zero there, and no elements
         _require_sound(path, packed)
-    content = loadmat(BytesIO(packed), simplify_cells=True)
+    with warnings.catch_warnings():  # those of the library are no lines for users
+        warnings.simplefilter("ignore")
+        warnings.filterwarnings("error", "Duplicate variable name")  # which of them counts is not known
+        content = loadmat(BytesIO(packed), simplify_cells=True)
     return {name: value for name, value in content.items() if not name.startswith("__")}
 
 

@@ -215,6 +215,7 @@ def _is_an_order(numbers: Vector, values: Mapping[str, Vector]) -> bool:
     return _length(points[np.argsort(own, kind="stable")]) <= _LONGER * _length(points)
 
 
+@np.errstate(over="ignore")
 def _length(points: NDArray[np.float64]) -> float:
     whole = points[np.isfinite(points).all(axis=1)]
     return float(np.sum(np.linalg.norm(np.diff(whole, axis=0), axis=1)))
