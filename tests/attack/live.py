@@ -50,7 +50,7 @@ def attacked(faults: Counter[str], folder: Path, *, long: bool) -> int:
 
 def _judge(faults: Counter[str], target: Target) -> None:
     """Count what the good sender observed, and print it."""
-    silence, memory = target.longest_silence(), _peak(target.stream)
+    silence, memory = target.longest_silence(), peak(target.stream)
     print(  # noqa: T201
         f"good sender: {target.summary()}, longest silence {silence:.2f} s; memory {memory >> 20} MiB"
     )
@@ -58,7 +58,7 @@ def _judge(faults: Counter[str], target: Target) -> None:
     _count(faults, "memory", ["memory"] * (memory > LARGE))
 
 
-def _peak(stream: Live) -> int:
+def peak(stream: Live) -> int:
     """Return the greatest resident memory so far [B]."""
     status = Path(f"/proc/{stream.process.pid}/status").read_text()
     matches = re.search(r"VmHWM:\s+(\d+) kB", status)

@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 
 CORPUS = Path(__file__).parent.parent / "io" / "corpus"
-_WORDS = (
+WORDS = (
     *(b"1e300", b"-1e300", b"1e999", b"nan", b"inf", b"-1", b"0", b"9" * 40, b"5e-324", b"true", b"null"),
     *(b"", b",", b";", b"\n", b"\x00", b"\x1b[31m", b"\x01", b"\xff\xfe", b'"', b"[" * 3000, b"{" * 3000),
     *(b"A" * 5000, b"\xe2\x80\xa8", b"\xed\xb3\xbf", b"../../x", b"# ", b"\r", b"%s%n", b"1,2,3\n" * 50),
 )
-_NUMBER = re.compile(rb"-?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
+NUMBER = re.compile(rb"-?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
 
 
 def samples() -> list[Path]:
@@ -33,7 +33,7 @@ def mutated(raw: bytes, random: np.random.Generator) -> bytes:
 
 def _changed(raw: bytes, random: np.random.Generator) -> bytes:
     begin, end = sorted(int(each) for each in random.integers(0, len(raw) + 1, 2))
-    word = _WORDS[int(random.integers(len(_WORDS)))]
+    word = WORDS[int(random.integers(len(WORDS)))]
     match int(random.integers(7)):
         case 0:  # some bits turned
             array = np.frombuffer(raw, np.uint8).copy()
@@ -49,7 +49,7 @@ def _changed(raw: bytes, random: np.random.Generator) -> bytes:
         case 4:
             return raw[:begin] + word + raw[begin:]
         case 5:  # a number replaced
-            numbers = list(_NUMBER.finditer(raw))
+            numbers = list(NUMBER.finditer(raw))
             if not numbers:
                 return raw[:begin] + word + raw[end:]
             one = numbers[int(random.integers(len(numbers)))]
