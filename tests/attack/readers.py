@@ -1,8 +1,8 @@
 """The attack on readers, `python -m tests.attack.readers [--seconds S]`: each format, changed at random.
 
 A reader gives frames of finite numbers, the same ones at each pass, or an error of one line that names the
-file. Where one number of a text was replaced, no other number may come of it than the old ones and that one.
-A case is repeated by `--seed S --case N`.
+file. Where one number of a text was replaced, no number may come of it that is not there. A case is repeated
+by `--seed S --case N`.
 """
 
 from __future__ import annotations
@@ -54,10 +54,10 @@ def case(folder: Path, seed: int, number: int) -> tuple[str, list[str]]:
     way = int(random.integers(4))
     if way == 0 and name.endswith(_TEXTS) and (numbers := list(NUMBER.finditer(raw))):
         one, word = numbers[int(random.integers(len(numbers)))], WORDS[int(random.integers(len(WORDS)))]
+        raw = raw[: one.start()] + word + raw[one.end() :]
         if word and NUMBER.fullmatch(word):
             texts = [raw, raw.replace(b",", b".")]  # some write 0,5
-            known = {float(word), *(float(each) for text in texts for each in NUMBER.findall(text))}
-        raw = raw[: one.start()] + word + raw[one.end() :]
+            known = {float(each) for text in texts for each in NUMBER.findall(text)}
     else:
         raw = rebuilt(name, raw, random) if way < 3 else mutated(raw, random)
     path.write_bytes(raw)

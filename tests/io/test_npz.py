@@ -105,6 +105,21 @@ def test_frames_that_are_too_far_apart_are_rejected_without_a_warning_of_their_d
     assert not usable(first)
 
 
+@pytest.mark.parametrize("name", ["run.npz", "run.npy"])
+def test_an_array_that_python_2_wrote_is_read_without_a_warning(tmp_path, name):
+    np.savez(tmp_path / "run.npz", points=POINTS[0])
+    np.save(tmp_path / "run.npy", POINTS[0])
+    raw = (tmp_path / name).read_bytes().replace(b"(6, 3), } ", b"(6L, 3), }")
+    if name == "run.npz":
+        with zipfile.ZipFile(tmp_path / name, "w") as archive:
+            archive.writestr("points.npy", raw[raw.index(b"\x93NUMPY") : raw.index(b"PK\1\2")])
+    else:
+        (tmp_path / name).write_bytes(raw)
+    (frame,) = open_recording(tmp_path / name, "m").frames
+    assert isinstance(frame, Frame)
+    np.testing.assert_array_equal(frame.points, POINTS[0])
+
+
 def test_nothing_is_unpickled(tmp_path):
     with pytest.raises(SourceError, match="cannot be read as NPZ"):
         opened(tmp_path, points=np.array([{"a": 1}], dtype=object), unit="m")

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +18,14 @@ are the other way round [1]; chosen: a route bends within its length."""
 
 _FEWEST = 4
 """Points of a frame whose coordinates are not the last axis, at least; derived: fewer are no shape."""
+
+
+@contextmanager
+def any_header() -> Iterator[None]:
+    """Read arrays that Python 2 wrote without NumPy's warning that they are read by another parser."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Reading `.npy` or `.npz` file required additional header parsing")
+        yield
 
 
 def order_of_axes(

@@ -14,7 +14,7 @@ import numpy as np
 
 from tssgeom.arrays import Vector, read_only
 from tssgeom.errors import ShapeError, SourceError, TssgeomError, first_line
-from tssgeom.io.formats.axes import note_of_axes, order_of_axes, require_frames_first
+from tssgeom.io.formats.axes import any_header, note_of_axes, order_of_axes, require_frames_first
 from tssgeom.io.formats.columns import MEASURED, OF_MACHINE, TIME, of_machine
 from tssgeom.io.formats.laboratory.unknown import unknown_names
 from tssgeom.io.formats.paths import require_room, stem
@@ -99,7 +99,7 @@ def rows_of(path: Path, array: Stored) -> Iterator[np.ndarray]:
     """
     if array.columns_first or array.order:
         require_room(path, 2 * array.size)
-        with _archive(path) as archive:
+        with _archive(path) as archive, any_header():
             whole = np.asarray(archive[array.name], dtype=np.float64)
         yield from whole.transpose(array.order or range(whole.ndim)).reshape(array.shape)
         return
@@ -285,7 +285,8 @@ def _stored(path: Path, name: str) -> Stored | None:
         read = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
         if version not in read:
             raise ValueError(f"{name} has the array format {version}")
-        shape, columns_first, dtype = read[version](file)
+        with any_header():
+            shape, columns_first, dtype = read[version](file)
         if dtype.hasobject:
             raise ValueError(f"{name} holds Python objects, which are never unpickled")
         array = Stored(name, shape, dtype, columns_first and len(shape) > 1, file.tell())
@@ -301,7 +302,7 @@ def _arrays(path: Path) -> tuple[dict[str, Any], set[str]]:
     small = {name: array for name in _SMALL if (array := _stored(path, name)) is not None}
     for array in small.values():
         require_room(path, array.size)
-    with _archive(path) as archive:
+    with _archive(path) as archive, any_header():
         return {name: archive[name] for name in small}, names
 
 

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from tssgeom.errors import ShapeError, SourceError, first_line
-from tssgeom.io.formats.axes import note_of_axes, order_of_axes, require_frames_first
+from tssgeom.io.formats.axes import any_header, note_of_axes, order_of_axes, require_frames_first
 from tssgeom.io.formats.laboratory.assembled import table_of, with_length_unit
 from tssgeom.io.formats.laboratory.matlab import matlab_variables
 from tssgeom.io.formats.laboratory.raw import Column, RawTable
@@ -121,7 +121,8 @@ def _cell(value: Any) -> str:
 
 
 def _array(path: Path) -> list[RawTable]:
-    array = np.load(BytesIO(bytes_of(path)), allow_pickle=False)
+    with any_header():
+        array = np.load(BytesIO(bytes_of(path)), allow_pickle=False)
     if not isinstance(array, np.ndarray):
         raise ShapeError(f"{path}: an archive, no array: name it .npz")
     if array.dtype.names:
