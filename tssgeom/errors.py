@@ -93,7 +93,7 @@ def require_replaceable(path: Path) -> None:
         Where `path` is one of them.
     """
     require_utf8(path)
-    if path.exists() and not path.is_file():
+    if os.path.exists(path) and not path.is_file():
         raise SourceError(f"{path}: is no file but a device, a pipe or a folder: name another file to write")
 
 
@@ -119,7 +119,7 @@ def require_file(path: Path) -> None:
     SourceError
         Where `path` exists and is neither a file nor a folder.
     """
-    if path.exists() and not (path.is_file() or path.is_dir()):
+    if os.path.exists(path) and not (path.is_file() or path.is_dir()):
         raise SourceError(f"{path}: a pipe or a device, which cannot be read twice: save it as a file")
 
 

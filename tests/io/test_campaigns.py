@@ -151,6 +151,8 @@ def test_a_stretch_a_thousand_times_too_small_is_noted(folder):
         ('[[run]]\ndata = "one.csv"\nshape = "half.csv"\nheld_out = true\n', r"every run is held out"),
         ('[[run]]\ndata = "none.csv"\nshape = "half.csv"\n', r"none\.csv: no such file"),
         ('[[run]]\ndata = "one.csv"\nshape = "none.csv"\n', r"none\.csv: no such file"),
+        (f'[[run]]\ndata = "{300 * "n"}.csv"\nshape = "half.csv"\n', r"n\.csv: no such file"),
+        (f'[[run]]\ndata = "one.csv"\nshape = "{300 * "n"}"\n', r"nnn: no such file"),
         ('rig = "none.toml"\n[[run]]\ndata = "one.csv"\nshape = "half.csv"\n', r"none\.toml"),
     ],
 )  # fmt: skip

@@ -56,6 +56,8 @@ def test_a_folder_without_shapes_is_refused(tmp_path):
     ("name", "says"),
     [
         ("missing.csv", "no such file: check the path"),
+        (300 * "a" + ".csv", "no such file: check the path"),
+        (300 * "a" + ".csv#1", "no such file: check the path"),
         ("", "a folder, not a file"),
         ("notes.doc", "no reader takes '.doc': use .csv"),
         ("lines.json", "no reader takes '.json': one JSON object a line is .jsonl"),
@@ -126,6 +128,14 @@ def test_a_pipe_is_refused_instead_of_waited_for(tmp_path):
     os.mkfifo(tmp_path / "pipe.csv")
     with pytest.raises(SourceError, match="a pipe or a device"):
         open_recording(tmp_path / "pipe.csv")
+
+
+def test_a_name_that_no_disk_takes_is_an_input_that_cannot_be_opened(tmp_path):
+    path = tmp_path / (5000 * "a" + ".csv")
+    assert find_inputs([path]) == [path]
+    with pytest.raises(SourceError, match="no such file") as caught:
+        open_recording(path)
+    assert len(str(caught.value)) < 2048
 
 
 def test_links_that_go_in_a_circle_are_no_file(tmp_path):

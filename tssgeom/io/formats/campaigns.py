@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import codecs
+import os
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
@@ -292,7 +293,7 @@ def read_columns(path: Path, name: str, said: ColumnMap, notes: list[str]) -> di
     SettingsError, SourceError
         Where the file is missing or cannot be used.
     """
-    if not split(path)[0].is_file():
+    if not os.path.isfile(split(path)[0]):
         raise SourceError(f"{path}: no such file: mend data in {CAMPAIGN}")
     measured = read_run(path, said)
     notes += [f"{name}: {text}" for text in (*how_read(measured.notes), *measured.warnings)]

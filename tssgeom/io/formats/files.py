@@ -108,7 +108,7 @@ def open_recording(path: str | Path, unit: str | None = None, columns: ColumnMap
     """
     path = Path(path)
     file, part = split(path)
-    if not file.exists():
+    if not os.path.exists(file):  # also of a name that no disk takes
         raise SourceError(f"{path}: no such file: check the path")
     require_file(file)
     reader = _reader(file)
@@ -151,13 +151,13 @@ def find_inputs(
     for path in map(Path, paths):
         folder, part = split(path)
         files = [path]
-        if folder.is_dir() and not _is_recording(folder):
+        if os.path.isdir(folder) and not _is_recording(folder):
             files = sorted(filter(_is_shape, _files_in(folder, left_out)))
             files = [file if part is None else part_of(file, part) for file in files]
         if not files:
             raise SourceError(f"{path}: no shape file in this folder: put {_endings()} files there")
         for shape in (each for file in files for each in _shapes_of(file, columns)):
-            if inputs.setdefault(key := real(shape), shape).is_symlink() and not shape.is_symlink():
+            if os.path.islink(inputs.setdefault(key := real(shape), shape)) and not os.path.islink(shape):
                 inputs[key] = shape  # by its own name
     return list(inputs.values())
 
@@ -175,7 +175,7 @@ def _shapes_of(path: Path, columns: ColumnMap) -> list[Path]:
     """Return the shapes in a file: the path itself, but for a file of several of which it names none."""
     kind = ending(path)
     names = _PARTS.get(kind)
-    if not (names or kind in TABLES) or split(path)[1] is not None or not path.is_file():
+    if not (names or kind in TABLES) or split(path)[1] is not None or not os.path.isfile(path):
         return [path]
     try:
         parts = names(path) if names else _recordings_in(path, columns)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -50,7 +51,7 @@ def is_machine_campaign(folder: Path, columns: ColumnMap = NO_MAP) -> bool:
         return True
     said = columns.with_rig(rig.columns)
     paths = [listing.parent / listed.data for listed in plan.run]
-    if not all(split(path)[0].is_file() for path in paths):
+    if not all(os.path.isfile(split(path)[0]) for path in paths):
         return False  # the reader of one tendon names the file that is missing
     return not any(name in _FORCES for path in paths for name in read_run(path, said).columns)
 

@@ -198,10 +198,10 @@ def require_room_in_zip(path: Path) -> None:
 def split(path: Path) -> tuple[Path, str | None]:
     """Return the file and the part of it that a path names; a file whose own name has a # is no part."""
     text = str(path)
-    if "#" in text and not path.exists():
+    if "#" in text and not os.path.exists(path):
         for mark in re.finditer("#", text):
             file = Path(text[: mark.start()])
-            if mark.start() and file.exists() and text[mark.end() :]:
+            if mark.start() and os.path.exists(file) and text[mark.end() :]:
                 return file, text[mark.end() :]
     return path, None
 
@@ -224,7 +224,7 @@ def stem(path: Path) -> str:
     What cannot be printed is written out, a byte that is not UTF-8 as `_xff`.
     """
     file, part = split(path)
-    name = file.name if file.is_dir() else file.name[: len(file.name) - len(ending(file))]
+    name = file.name if os.path.isdir(file) else file.name[: len(file.name) - len(ending(file))]
     if part is not None:
         name = f"{name}-{_NOT_IN_NAMES.sub('_', part).strip('_')}"
     if not name.isprintable():
