@@ -20,12 +20,13 @@ import time
 import warnings
 from collections import Counter, deque
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from pathlib import Path
 from typing import Any
 
 from rerun.chunk import RrdReader
 
+from tests.attack.kills import limit_disk, own_disk
 from tests.attack.signals import prompt
 from tests.live_process import PATIENCE, START, Live, line, points_mm, retimed
 from tssgeom.errors import TssgeomError
@@ -36,7 +37,7 @@ _FRAMES = 400  # of one stream; its moment comes before they are all answered, o
 _WAYS = ("kill", "kill alone", "stop", "end", "hang up", "full disk")
 _ENDS = {"end": signal.SIGTERM, "hang up": signal.SIGHUP}
 _TEXTS = [line(points_mm(24, 0.02 * k, k), 0.02 * k) for k in range(100)]
-_ROOM, _LITTLE = 64 << 10, (8, 400)  # KiB of a disk, and what is left on it where it gets full
+_LITTLE = (8, 400)  # KiB left on a disk that gets full
 _LEAPING = (
     "import random, time; real = time.time; "
     "time.time = lambda: real() + random.choice((0.0, 1e9, -1e9)); " + START[2]
@@ -155,35 +156,23 @@ def _without_time(state: bytes, leaping: bool) -> bytes | dict[str, object]:
     return {key: value for key, value in json.loads(state).items() if key != "time"} if leaping else state
 
 
-def _sized(folder: Path, kib: int, *, first: bool = False) -> None:
-    """Give a folder a disk of its own, or that disk another size."""
-    how = f"size={kib}k" if first else f"remount,size={kib}k"
-    subprocess.run(["mount", "-t", "tmpfs", "-o", how, "tmpfs", folder], check=True)
-
-
 def legs(seed: int, home: Path, ways: Sequence[str]) -> Iterator[tuple[str, list[str]]]:
     """Disturb one stream after the other, which have one state; yield the way and the faults of each."""
     random.seed(seed)
     warnings.filterwarnings("ignore", "RRD file has no footer")  # of a stream that was killed
     folder = home / "kept"
     folder.mkdir()
-    if "full disk" in ways:
-        _sized(folder, _ROOM, first=True)
-    try:
+    with own_disk(folder) if "full disk" in ways else nullcontext():
         for _ in range(_LEGS):
             way, leaping, before = random.choice(ways), random.random() < 0.5, kept(folder / "tendon.json")
             begin = (json.loads(before)["time"] if before else 0.0) + 0.02
             given = frames(begin, leaping=leaping)
             if way == "full disk":
-                used = sum(path.stat().st_size for path in folder.iterdir()) >> 10
-                _sized(folder, used + random.randint(*_LITTLE))
+                limit_disk(folder, random.randint(*_LITTLE))
             wrong = list(disturbed(way, given, folder))
-            if "full disk" in ways:
-                _sized(folder, _ROOM)
+            if way == "full disk":
+                limit_disk(folder)
             yield way, wrong + list(faults(before, given, folder, home, leaping=leaping))
-    finally:
-        if "full disk" in ways:
-            subprocess.run(["umount", folder], check=True)
 
 
 def main() -> int:

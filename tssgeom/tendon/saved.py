@@ -114,6 +114,7 @@ def _of_version_4(saved: Mapping[str, Any]) -> dict[str, Any]:
     return {**saved, "along": along}
 
 
+@np.errstate(invalid="ignore")  # an infinite position is refused with the rest
 def _with_memory(along: dict[str, Any]) -> dict[str, Any]:
     """Return bars without effects in the form of today, with contacts anywhere between both ends."""
     tension, slack, slip = (along.pop(name) for name in ("tension", "slack", "slip"))
