@@ -3,6 +3,8 @@
 import json
 import socket
 from collections.abc import Iterator
+from dataclasses import replace
+from time import process_time
 
 import numpy as np
 import pyigtl
@@ -12,8 +14,10 @@ from pyigtl.messages import CRC64, MessageBase
 from tests.live.conftest import Shared
 from tests.live.peers import half_circle
 from tests.live_process import PATIENCE, Reader
+from tssgeom.errors import ShapeError
 from tssgeom.io.network.igtl import HEADER, Message, header_of, message_of, route_message, text_message
 from tssgeom.io.network.igtl_peers import Rounds, _string
+from tssgeom.io.network.mailbox import LIMITS
 
 POSITIONS = half_circle(29)  # not as many points as from other senders: the filter in time begins anew
 WHEN = 7000.0
@@ -91,6 +95,25 @@ def test_named_sensors_make_a_frame_in_the_order_named_and_a_silent_one_is_a_mis
     assert sensed("tip", 3.0) is None
     _, positions = sensed("base", 1.5)
     np.testing.assert_allclose(1e3 * positions[:, 0], (1.0, np.nan, 3.0), rtol=1e-6)
+
+
+def test_a_server_that_names_each_message_anew_is_refused_in_time_and_memory():
+    rounds, error = Rounds((), learning=True), None
+    data = transform("sensor", POSITIONS[0], 1.0)
+    message = message_of(header_of(data), data[HEADER:])
+    assert message is not None
+    begun = process_time()
+    for number in range(3 * LIMITS.points):
+        try:
+            shape = rounds.shape(replace(message, header=replace(message.header, device=f"sensor {number}")))
+        except ShapeError as caught:
+            error = caught
+        else:
+            assert shape is None
+    assert "more than 10000 sensors" in str(error)
+    assert process_time() - begun < 5.0  # chosen: as a square of their number it took minutes
+    assert rounds.shape(message) is None
+    assert rounds.shape(message) is not None
 
 
 def test_numbers_in_the_metadata_drive_the_tendon(peer, reader):

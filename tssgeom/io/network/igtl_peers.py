@@ -32,7 +32,7 @@ from tssgeom.io.network.igtl import (
     route_message,
     text_message,
 )
-from tssgeom.io.network.mailbox import Mailbox, Sender
+from tssgeom.io.network.mailbox import LIMITS, Mailbox, Sender
 from tssgeom.io.network.sinks import TcpSink
 from tssgeom.io.network.sources import Source
 from tssgeom.stream import Frame, FrameResult, Rejected
@@ -75,14 +75,26 @@ class Rounds:
     _received: dict[str, Message] = field(default_factory=dict)
 
     def shape(self, message: Message) -> tuple[Message, Points] | None:
-        """Add one position; return a shape if one is complete [n, 3], and the last message in it."""
+        """Add one position; return a shape if one is complete [n, 3], and the last message in it.
+
+        Raises
+        ------
+        ShapeError
+            Where more sensors than points of a frame have sent since one sent again; they begin anew.
+        """
         whole, device = None, message.header.device
         if not self.learning and device not in self.names:
             return None
         if device in self._received:
             whole = self._ended()
+        if self.learning and max(len(self._received) + 1, len(self.names)) > LIMITS.points:
+            self._received.clear()
+            self.names = ()
+            many = f"more than {LIMITS.points} sensors, the last is {device!r}"
+            raise ShapeError(f"{many}: name them in the address, ?sensors=A,B")
         self._received[device] = message
-        return self._ended() if set(self.names) == set(self._received) else whole
+        complete = len(self._received) == len(self.names) and set(self.names) == set(self._received)
+        return self._ended() if complete else whole
 
     def _ended(self) -> tuple[Message, Points]:
         last = next(reversed(self._received.values()))
@@ -215,7 +227,12 @@ class IgtlSource(Source):
         if len(message.positions) > 1:
             self._mailbox.post(self._sender, partial(_frame_or_refusal, message, message.positions), now)
             return
-        if (whole := self._rounds.shape(message)) is not None:
+        try:
+            whole = self._rounds.shape(message)
+        except ShapeError as error:
+            self._refuse(error, now)
+            return
+        if whole is not None:
             self._mailbox.post(self._sender, partial(_frame_or_refusal, *whole), now)
 
     def _refuse(self, error: ShapeError, now: int) -> None:
