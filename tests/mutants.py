@@ -1,6 +1,6 @@
 """Draw small faults in the code at random, and list those that no test detects.
 
-    pytest --cov --cov-context=test              # once, some 40 min: which test runs which line, to .coverage
+    pytest --cov --cov-context=test              # once, some 40 min: which test runs which line; not with -n0
     python -m tests.mutants                      # 200 faults; a table, exit status 1 below 95 % detected
     python -m tests.mutants --count 20 --seed 3 core route
 

@@ -163,6 +163,8 @@ def main() -> int:
     if not given.data.is_file():
         parser.error(f"{given.data} is missing: run pytest --cov --cov-context=test first")
     verdicts, chosen = list[Verdict](), Chosen(given.data)
+    if len(chosen.data.measured_contexts()) < 2:
+        parser.error(f"{given.data} names no tests: run pytest --cov --cov-context=test with -n1 or more")
     with tempfile.TemporaryDirectory() as folder:
         copy = Path(folder)
         for name in COPIED:

@@ -33,7 +33,7 @@ from tssgeom.errors import TssgeomError
 from tssgeom.io.formats.states import read_state
 
 _LEGS = 6  # streams of one state and its recordings; chosen
-_FRAMES = 400  # of one stream; its moment comes before they are all answered, or at their end
+_FRAMES = 400  # of one stream; its moment comes while they are sent, or at their end
 _WAYS = ("kill", "kill alone", "stop", "end", "hang up", "full disk")
 _ENDS = {"end": signal.SIGTERM, "hang up": signal.SIGHUP}
 _TEXTS = [line(points_mm(24, 0.02 * k, k), 0.02 * k) for k in range(100)]
