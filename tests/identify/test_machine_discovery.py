@@ -12,8 +12,8 @@ from tssgeom.identify.machine_discovery import discover_machine, machine_work
 from tssgeom.identify.machine_finding import MachineCampaign
 from tssgeom.identify.machine_forecast import contradiction, forecast
 from tssgeom.identify.machine_parts import parts_of
+from tssgeom.identify.machine_refit import without_part
 from tssgeom.identify.machine_run import machine_run
-from tssgeom.identify.machine_selection import without_part
 from tssgeom.mechanism import Drive, End, GivenRoute
 from tssgeom.rig import Friction, Rig, Tendon
 from tssgeom.tendon.machine import play, route_of_rig

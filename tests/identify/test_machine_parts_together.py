@@ -14,8 +14,9 @@ from tssgeom.identify.machine_evidence import size_of
 from tssgeom.identify.machine_finding import MachineCampaign
 from tssgeom.identify.machine_forecast import forecast
 from tssgeom.identify.machine_parts import parts_of
+from tssgeom.identify.machine_refit import without_needless
 from tssgeom.identify.machine_run import machine_run
-from tssgeom.identify.machine_selection import part_step, two_steps, without_needless
+from tssgeom.identify.machine_selection import part_step, two_steps
 from tssgeom.rig import with_values
 from tssgeom.tendon.machine import route_of_rig
 from tssgeom.uncertain import UNKNOWNS, Uncertain
@@ -136,6 +137,15 @@ def test_a_part_is_needless_only_where_held_out_readings_do_not_ask_for_it():
     assert without_needless(model, 0, ()).parts == ()
     helps = replace(model, held={name: 0.5 * rms for name, rms in model.held.items()})
     assert without_needless(helps, 0, ()) is None
+
+
+def test_the_bars_of_a_correction_are_more_where_the_readings_ask_for_it():
+    base, _, _ = steps_of()
+    problem, u = replace(base.problem, fine=40), base.state.u
+    assert problem.refined(u).fine == 80
+    (run,) = problem.runs
+    exact = replace(problem, runs=(replace(run, noise=dict.fromkeys(run.noise, 1e-7)),))
+    assert exact.refined(u).fine == 160
 
 
 def test_few_outliers_hardly_change_the_size_of_residuals_and_many_do():

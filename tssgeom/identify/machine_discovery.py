@@ -12,6 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from tssgeom.arrays import Vector
 from tssgeom.errors import SettingsError
 from tssgeom.identify.finding import Evidence, Finding
 from tssgeom.identify.machine_evidence import (
@@ -29,9 +30,12 @@ from tssgeom.identify.machine_fit import fit_from, start_of
 from tssgeom.identify.machine_parameters import parameters_of, route_numbers
 from tssgeom.identify.machine_parts import parts_of
 from tssgeom.identify.machine_problem import FIT, FitState, Problem, fitted_rows
+from tssgeom.identify.machine_refit import without_zeros
 from tssgeom.identify.machine_route_errors import with_own_route_errors, with_route_errors
 from tssgeom.identify.machine_run import MachineRun, thinned, turns_of
-from tssgeom.identify.machine_selection import PartSelection, selected_parts, without_zeros
+from tssgeom.identify.machine_selection import PartSelection, selected_parts
+from tssgeom.identify.machine_sensor_errors import stated_error, with_sensor_errors
+from tssgeom.rig import Sensor
 from tssgeom.statistics import EVIDENCE_SCALE
 from tssgeom.tendon.machine_simulation import drive_channels
 from tssgeom.threads import single_threaded
@@ -82,7 +86,7 @@ def machine_work(
     parameters = tuple(parameters_of(fitted, campaign.rig, campaign.uncertain))
     problem = Problem(fitted, campaign.rig, parameters, fitted_rows(fitted, held_out=False), FIT.bars)
     problem, state = fit_from(
-        problem, start_of(problem), lambda share: progress("fitting", 0.2 * share), with_route_errors
+        problem, start_of(problem), lambda share: progress("fitting", 0.2 * share), _with_errors
     )
     kept = tuple(_with_own_errors(run, problem, state) for run in kept)
     base = modelled(problem, state, (), kept)
@@ -98,6 +102,12 @@ def machine_work(
     return work, (*said, *(note for run in fitted for note in run.notes))
 
 
+def _with_errors(problem: Problem, state: FitState) -> tuple[Problem, Vector]:
+    """Return a problem with errors of routes and of sensors, as fine as its readings ask for, and its u."""
+    problem, u = with_route_errors(problem.refined(state.u), state)
+    return with_sensor_errors(problem, u, state.channels)
+
+
 def _with_own_errors(run: MachineRun, problem: Problem, state: FitState) -> MachineRun:
     """Return a run that is held out with what the errors of routes do that no fitted run has; (286)."""
     model = FittedModel(problem, state, (), {}, {}, {})
@@ -107,7 +117,7 @@ def _with_own_errors(run: MachineRun, problem: Problem, state: FitState) -> Mach
     alone = problem.runs[0].routes[:1] if len(fitted) == 1 else ()  # whose error is that of all angles there
     shared = sum((each.total_angle_se / max(each.total_angle, 1e-12)) ** 2 for each in alone)
     there = model.on_known_routes(run)
-    own, state = own_numbers(there, model.rig)
+    own, state = own_numbers(there, model.rig, fine=problem.fine)
     made = with_own_route_errors(there, model.rig, own.of_run(state.u, 0), known, shared)
     return replace(run, bends=made.bends)
 
@@ -158,6 +168,12 @@ def _every_other(run: MachineRun) -> tuple[np.ndarray, str]:
     return out, "the second and the last quarter, since there are no two cycles,"
 
 
+def _mean_zero(model: FittedModel, channel: str) -> float:
+    """Return the zero of a channel, a mean over runs [its unit]."""
+    pairs = zip(model.problem.parameters, model.state.u, strict=True)
+    return float(np.mean([each.value(u) for each, u in pairs if (each.kind, each.key) == ("zero", channel)]))
+
+
 def _zeros(chosen: PartSelection, kept: Sequence[MachineRun]) -> tuple[FittedModel, tuple[NamedZero, ...]]:
     """Return the base without the zeros that are named, and those: of forces and torques that answer."""
     model, named = chosen.model, list[NamedZero]()
@@ -169,7 +185,8 @@ def _zeros(chosen: PartSelection, kept: Sequence[MachineRun]) -> tuple[FittedMod
         gain, size = delta_bic(*both), max(changes(*both).values())
         ratio, rises = held_out_ratio(*both), held_out_rises(*both)
         evidence = Evidence(gain, EVIDENCE_SCALE.very_strong, size, ratio, -sum(rises.values()))
-        if evidence.total > evidence.threshold and size > 1.0 and not contradicted(rises):
+        clear = abs(_mean_zero(model, channel)) > stated_error(model.rig.sensors.get(channel, Sensor()))
+        if evidence.total > evidence.threshold and size > 1.0 and clear and not contradicted(rises):
             named.append(NamedZero(channel, evidence))
     if not named:
         return chosen.base, ()

@@ -21,6 +21,7 @@ from tssgeom.identify.machine_parameters import bends_of, parameters_of, route_n
 from tssgeom.identify.machine_parts import Part
 from tssgeom.identify.machine_problem import FIT, FitState, Problem, fitted_rows
 from tssgeom.identify.machine_run import MachineRun, turns_of
+from tssgeom.identify.machine_sensor_errors import without_sensor_errors
 from tssgeom.mechanism import numbered
 from tssgeom.plausibility.limits import LIMITS as PLAUSIBLE
 from tssgeom.rig import Rig
@@ -67,14 +68,14 @@ class FittedModel:
         return self.problem.rig_at(self.state.u)
 
     def on_known_routes(self, run: MachineRun) -> MachineRun:
-        """Return a run that is not fitted with the angles of routes that are, as they were fitted."""
+        """Return a run that is not fitted with angles of routes and errors of sensors as they were fitted."""
         factors, moved = self.problem.route_factors(self.state.u), self.problem.moved_bends(self.state.u)
         pairs = zip(run.routes, route_numbers((*self.problem.runs, run))[-1], strict=True)
         routes = tuple(
             (arcs.moved(moved[number]) if number in moved else arcs).scaled(angle=factors.get(number, 1.0))
             for arcs, number in pairs
         )
-        return replace(run, routes=routes)
+        return without_sensor_errors(replace(run, routes=routes), self.problem, self.state.u)
 
 
 def modelled(
@@ -89,19 +90,21 @@ def modelled(
     near = _off(problem, problem.rows, problem.answers(state.channels))
     away = _off(problem, fitted_rows(problem.runs, held_out=True), problem.answers(state.channels))
     for run in kept:
-        own, there = own_numbers(made.on_known_routes(run), made.rig, fixed)
+        own, there = own_numbers(made.on_known_routes(run), made.rig, fixed, problem.fine)
         away += _off(own, own.rows, own.answers(there.channels))
     count, of_held = _count_of(near), _count_of(away)
     share = {name: number / count[name] for name, number in of_held.items() if name in count}
     return replace(made, held=_rms_of(away), fitted=_rms_of(near), held_share=share)
 
 
-def own_numbers(run: MachineRun, rig: Rig, fixed: Sequence[str] = ()) -> tuple[Problem, FitState]:
+def own_numbers(
+    run: MachineRun, rig: Rig, fixed: Sequence[str] = (), fine: int = FIT.fine
+) -> tuple[Problem, FitState]:
     """Fit to a run its zeros and its start alone; all else is that of the rig, and zeros `fixed` too."""
     own = [each for each in parameters_of([run], rig, ()) if each.kind not in ("rig", "route")]
     own += bends_of(run.bends)
     parameters = tuple(each for each in own if each.kind != "zero" or each.key not in fixed)
-    problem = Problem((run,), rig, parameters, fitted_rows([run], held_out=None), FIT.bars)
+    problem = Problem((run,), rig, parameters, fitted_rows([run], held_out=None), FIT.bars, fine=fine)
     weight, inflation = first_weights(problem.measured()), np.ones(len(problem.rows))
     state = fit_round(problem, np.zeros(len(parameters)), weight, inflation)
     return fitted_again(problem, state)
@@ -137,14 +140,21 @@ def delta_bic(before: FittedModel, after: FittedModel) -> float:
     """
     gain, worth = 0.0, 0.0
     for block, (old, new) in enumerate(zip(before.state.left, after.state.left, strict=True)):
-        least = _floor(after.problem, block)
-        sizes = [math.hypot(size_of(left), least) for left in (old, new)]
-        independent = len(new) / inflation_of(new / sizes[1])
-        gain += 2.0 * independent * math.log(sizes[0] / sizes[1])
-        worth += independent
+        fall, independent = block_gain(old, new, floor_of(after.problem, block))
+        gain, worth = gain + fall, worth + independent
     shared = len(before.state.u)
     gain += float(before.state.u @ before.state.u - after.state.u[:shared] @ after.state.u[:shared])
     return gain - (len(after.state.u) - shared) * math.log(worth)
+
+
+def block_gain(old: Vector, new: Vector, least: float) -> tuple[float, float]:
+    """Return 2 (n/N) ln(s/s′) of one block and n/N, N of what the latter leaves; (196).
+
+    `least` is what rounding leaves [SI].
+    """
+    sizes = [math.hypot(size_of(left), least) for left in (old, new)]
+    independent = len(new) / inflation_of(new / sizes[1])
+    return 2.0 * independent * math.log(sizes[0] / sizes[1]), independent
 
 
 def size_of(left: Vector) -> float:
@@ -161,7 +171,8 @@ def size_of(left: Vector) -> float:
     return max(size, 1e-12)
 
 
-def _floor(problem: Problem, block: int) -> float:
+def floor_of(problem: Problem, block: int) -> float:
+    """Return what rounding leaves of a block of readings [SI]."""
     k, name, at = problem.rows[block]
     return max(EVIDENCE.floor * float(np.ptp(problem.runs[k].measured[name][at])), 1e-12)
 
@@ -171,7 +182,7 @@ def changes(before: FittedModel, after: FittedModel) -> dict[str, float]:
     out = dict[str, float]()
     pairs = zip(before.state.left, after.state.left, after.problem.rows, strict=True)
     for block, (old, new, (_, name, _)) in enumerate(pairs):
-        size = math.hypot(size_of(new), _floor(after.problem, block))
+        size = math.hypot(size_of(new), floor_of(after.problem, block))
         independent = len(new) / inflation_of(new / size)
         limit = CHANCE.clear * size / math.sqrt(independent)
         out[name] = max(out.get(name, 0.0), root_mean_square(old - new) / limit)
@@ -194,7 +205,7 @@ def held_out_rises(before: FittedModel, after: FittedModel) -> dict[str, float]:
     """
     independent = dict[str, float]()
     for block, (left, (_, name, _)) in enumerate(zip(after.state.left, after.problem.rows, strict=True)):
-        size = math.hypot(size_of(left), _floor(after.problem, block))
+        size = math.hypot(size_of(left), floor_of(after.problem, block))
         independent[name] = independent.get(name, 0.0) + len(left) / inflation_of(left / size)
     return {
         name: 2.0 * share * independent[name] * math.log(after.held[name] / max(before.held[name], 1e-15))

@@ -41,8 +41,9 @@ from tssgeom.identify.machine_evidence import (
 from tssgeom.identify.machine_parts import Part, absent_parts
 from tssgeom.identify.machine_prediction import finely_predicted
 from tssgeom.identify.machine_problem import FIT
+from tssgeom.identify.machine_refit import reordered, without_part
 from tssgeom.identify.machine_run import MachineRun
-from tssgeom.identify.machine_selection import PartSelection, TriedPart, reordered, without_part
+from tssgeom.identify.machine_selection import PartSelection, TriedPart
 from tssgeom.identify.misfit import beyond_noise
 from tssgeom.identify.verdict import Judgement, remainder, sentence, times
 from tssgeom.rig import Rig, with_values
@@ -217,7 +218,7 @@ class MachineWork:
             both = []
             for one in models:
                 on = one.on_known_routes(run)
-                own, there = own_numbers(on, one.rig, one.fixed)
+                own, there = own_numbers(on, one.rig, one.fixed, one.problem.fine)
                 both.append(finely_predicted(on, one.rig, own.of_run(there.u, 0), _BARS))
             yield _trace(replace(run, held_out=~run.held_out), both, noise, run.name, held=True)
 

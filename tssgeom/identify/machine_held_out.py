@@ -73,7 +73,7 @@ def cycles_held_out(problem: Problem, state: FitState) -> HeldOut:
     away = replace(problem, rows=fitted_rows(problem.runs, held_out=True))
     if not away.rows:  # the last cycles have no readings
         return NOTHING_HELD_OUT
-    left, sd = _predicted(problem, away, state)
+    left, sd = predicted(problem, away, state)
     misfits = tuple(_misfits(away, left, sd))
     return HeldOut("cycles", _rms(problem, state, [(away, left)]), misfits)
 
@@ -98,7 +98,7 @@ def runs_held_out(problem: Problem, state: FitState) -> HeldOut:
         except FitError:
             continue
         away = replace(away, too_few_bars=rest.too_few_bars)
-        left, sd = _predicted(rest, away, alone)
+        left, sd = predicted(rest, away, alone)
         sides.append((away, left))
         misfits += _misfits(away, left, sd)
     return HeldOut("runs", _rms(problem, state, sides), tuple(misfits))
@@ -110,7 +110,7 @@ def _of(problem: Problem, part: Problem, values: list[Vector]) -> list[Vector]:
     return [each for (k, name, _), each in pairs if (k, name) in kept]
 
 
-def _predicted(fitted: Problem, away: Problem, state: FitState) -> tuple[list[Vector], list[Vector]]:
+def predicted(fitted: Problem, away: Problem, state: FitState) -> tuple[list[Vector], list[Vector]]:
     """Return what is left of each block that is held out, and the standard deviation of its prediction.
 
     The zeros and the start of a run that is not fitted are its own: they are fitted to it, and what they meet

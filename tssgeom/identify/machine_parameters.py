@@ -111,9 +111,9 @@ def _of_routes(runs: Sequence[MachineRun]) -> Iterator[Parameter]:
 
 
 def bends_of(keys: Iterable[str]) -> list[Parameter]:
-    """Return errors of where the bends of routes lie, by their keys in `MachineRun.bends`; (286)."""
+    """Return errors of routes or sensors, by their keys in `MachineRun.bends`; (286), (301)."""
     unit = Prior(0.0, 1.0, log=False)
-    return [Parameter(f"bends of a route, {key}", "1", unit, "bends", key=key) for key in keys]
+    return [Parameter(f"bends, {key}", "1", unit, "bends", key=key) for key in keys]
 
 
 def route_numbers(runs: Sequence[MachineRun]) -> list[list[int]]:

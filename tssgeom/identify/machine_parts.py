@@ -35,6 +35,8 @@ class PartSettings:
     """Of a number that the rig gives: standard deviation of its error [1]; chosen: a half."""
     play: float = 0.01
     """Of the range of the drive: play that is tried first, where its noise does not hide that [1]; chosen."""
+    shares: tuple[float, ...] = (1.0, 0.2, 0.04)
+    """Of the size from which a part starts: sizes at which it is tried [1]; chosen: apart by five."""
     pushed: float = 2.0
     """Scales from which a part is tried, apart by this factor from the typical one [1]; chosen."""
 

@@ -22,6 +22,7 @@ from tssgeom.identify.machine_prediction import Machines, predicted_beside
 from tssgeom.identify.machine_run import MachineRun
 from tssgeom.least_squares import SOLVER
 from tssgeom.rig import Rig, with_values
+from tssgeom.statistics import EVIDENCE_SCALE
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,6 +33,8 @@ class MachineFitSettings:
     """Bars of each tendon while fitting; chosen: more are brought in by `fine`."""
     fine: int = 40
     """Bars of each tendon, to whose answer that of few bars is brought [1]; chosen."""
+    finest: int = 160
+    """Bars at most, where 40 miss more than the noise of the readings hides [1]; chosen: for speed."""
     most_of_all: int = 1200
     """Samples of all runs together; more are thinned, to no less than `least_of_each`; chosen."""
     least_of_each: int = 120
@@ -82,10 +85,35 @@ class Problem:
     """What more bars would add to the channels of each run; nothing where empty."""
     route_errors: Mapping[int, Matrix] = field(default_factory=dict)
     """By number of a route: errors of its lengths and angles [2k, m], of one s.d. each; (286)."""
+    sensor_bends: Mapping[str, Matrix] = field(default_factory=dict)
+    """By channel: errors of its sensor that are fitted, each of some waves [waves, m]; (301)."""
+    fine: int = FIT.fine
+    """Bars to whose answer that of few bars is brought; (300)."""
+
+    def refined(self, u: Vector) -> Problem:
+        """Return the problem with as many bars in its corrections as its readings ask for; (300)."""
+        bars, few = self.fine, replace(self, bars=self.fine).model(u)
+        while few is not None and bars < FIT.finest:
+            more = replace(self, bars=2 * bars).model(u)
+            if more is None:
+                break
+            bars, missed = 2 * bars, self._over_noise(few, more)
+            if missed < EVIDENCE_SCALE.very_strong:
+                break
+            few = more
+        return replace(self, fine=bars)
+
+    def _over_noise(self, few: Sequence[Mapping[str, Vector]], more: Sequence[Mapping[str, Vector]]) -> float:
+        """Return the squares of what two predictions differ by, over the noise of the readings [1]."""
+        changed = 0.0
+        for k, name, at in self.rows:
+            noise = max(self.runs[k].noise[name], 1e-12)
+            changed += float(np.sum(np.square((more[k][name][at] - few[k][name][at]) / noise)))
+        return changed
 
     def corrected(self, u: Vector, channels: Sequence[Mapping[str, Vector]]) -> Problem:
         """Return the problem with what more bars than its own would add at these numbers."""
-        fine = replace(self, bars=FIT.fine).model(u)
+        fine = replace(self, bars=self.fine).model(u)
         if fine is None:
             return self
         added = [

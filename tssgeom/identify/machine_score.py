@@ -11,7 +11,7 @@ import numpy as np
 
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.core.constants import CHANCE
-from tssgeom.identify.machine_evidence import FittedModel
+from tssgeom.identify.machine_evidence import FittedModel, block_gain, floor_of
 from tssgeom.identify.machine_parts import PARTS, Part
 from tssgeom.identify.machine_problem import Problem
 
@@ -26,7 +26,7 @@ class PartScore:
     start: Vector
     """Where its refit starts, in u."""
     gain: float
-    """Fall of χ² [1]."""
+    """ΔBIC of a straight line, but for the number that it has more [1]; (299)."""
 
 
 class Lines(NamedTuple):
@@ -40,6 +40,12 @@ class Lines(NamedTuple):
     """[numbers, numbers] With the prior [1]."""
     left: Vector
     """[rows] [1]"""
+    blocks: list[Vector]
+    """What is left of each block of rows [SI]."""
+    floors: list[float]
+    """What rounding leaves of each [SI]."""
+    edges: np.ndarray
+    """Rows between them."""
 
 
 def straight_lines(model: FittedModel) -> Lines:
@@ -47,7 +53,9 @@ def straight_lines(model: FittedModel) -> Lines:
     state, weight = model.state, np.concatenate(model.state.weight)
     slope = state.slope(model.problem)
     normal = slope.T @ slope + np.eye(len(state.u))
-    return Lines(weight, slope, normal, weight * np.concatenate(state.left))
+    floors = [floor_of(model.problem, block) for block in range(len(state.left))]
+    edges = np.cumsum([len(each) for each in state.left])[:-1]
+    return Lines(weight, slope, normal, weight * np.concatenate(state.left), state.left, floors, edges)
 
 
 def score_of(model: FittedModel, part: Part, lines: Lines) -> PartScore | None:
@@ -63,37 +71,38 @@ def score_of(model: FittedModel, part: Part, lines: Lines) -> PartScore | None:
         added = np.zeros(len(own))
         for k, push in zip(scales, pushed, strict=False):
             added[k] = push * math.log(PARTS.pushed) / part.numbers[k].prior.sd
-        for share in (1.0, 0.2):
+        for share in PARTS.shares:
             added[switch] = share * step
             there = longer.model(np.concatenate([state.u, added]))
-            if there is not None:
-                break
-        else:
-            continue
-        column = (
-            lines.weight * (np.concatenate(longer.left(there)) - np.concatenate(state.left)) / added[switch]
-        )
-        score = _line(lines, column)
-        amplitude = score[0]
-        number = part.switch
-        low, high = (
-            number.prior.u(each) if math.isfinite(each) else each for each in (number.lower, number.upper)
-        )
-        if not low < amplitude < high:
-            amplitude = min(max(amplitude, low + 1e-3), high - 1e-3)
-        gain = score[1] if score[0] * amplitude > 0.0 and low < score[0] else 0.0
-        start = added.copy()
-        start[switch] = min(max(amplitude, -CHANCE.rare), CHANCE.rare)
-        made = PartScore(part, longer, np.concatenate([state.u, start]), gain)
-        best = made if best is None or made.gain > best.gain else best
+            if there is None:
+                continue
+            off = np.concatenate(longer.left(there)) - np.concatenate(state.left)
+            amplitude, gain = _within(part, _line(lines, lines.weight * off / added[switch]))
+            start = added.copy()
+            start[switch] = amplitude
+            made = PartScore(part, longer, np.concatenate([state.u, start]), gain)
+            best = made if best is None or made.gain > best.gain else best
     return best
 
 
+def _within(part: Part, line: tuple[float, float]) -> tuple[float, float]:
+    """Return amplitude and gain of a line as far as the bounds of a part allow."""
+    number, (asked, promised) = part.switch, line
+    low, high = (
+        number.prior.u(each) if math.isfinite(each) else each for each in (number.lower, number.upper)
+    )
+    amplitude = asked if low < asked < high else min(max(asked, low + 1e-3), high - 1e-3)
+    gain = promised if asked * amplitude > 0.0 and low < asked else 0.0
+    return min(max(amplitude, -CHANCE.rare), CHANCE.rare), gain
+
+
 def _line(lines: Lines, column: Vector) -> tuple[float, float]:
-    """Return the amplitude of one more column and the fall of χ², all other numbers following."""
+    """Return the amplitude of one more column and what it gains, all other numbers following; (299)."""
     rest = column - lines.slope @ np.linalg.solve(lines.normal, lines.slope.T @ column)
     power = float(rest @ rest)
     if power <= 1e-12:
         return 0.0, 0.0
-    pull = float(rest @ lines.left)
-    return -pull / power, pull**2 / power
+    amplitude = -float(rest @ lines.left) / power
+    after = np.split((lines.left + amplitude * rest) / lines.weight, lines.edges)
+    pairs = zip(lines.blocks, after, lines.floors, strict=True)
+    return amplitude, sum(block_gain(old, new, least)[0] for old, new, least in pairs)

@@ -8,15 +8,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 
-import msgspec
 import numpy as np
 
 from tssgeom.arrays import Vector
 from tssgeom.core.constants import CHANCE
-from tssgeom.errors import FitError
-from tssgeom.identify.finding import RigNumber
 from tssgeom.identify.machine_evidence import (
     FittedModel,
     changes,
@@ -29,33 +26,16 @@ from tssgeom.identify.machine_evidence import (
     refused,
     worse,
 )
-from tssgeom.identify.machine_fit import fit_round, fitted_again
-from tssgeom.identify.machine_forecast import contradiction, forecast
-from tssgeom.identify.machine_parameters import Parameter
+from tssgeom.identify.machine_fit import fitted_again
+from tssgeom.identify.machine_forecast import Forecast, contradiction, forecast
 from tssgeom.identify.machine_parts import Part
 from tssgeom.identify.machine_problem import Problem
+from tssgeom.identify.machine_refit import MACHINE_SEARCH, refitted, without_needless
 from tssgeom.identify.machine_run import MachineRun
 from tssgeom.identify.machine_score import PartScore, score_of, straight_lines
 from tssgeom.identify.misfit import beyond_noise
 from tssgeom.identify.selection import SEARCH
-from tssgeom.rig import Rig, with_values
 from tssgeom.statistics import EVIDENCE_SCALE, NORMAL_95
-from tssgeom.uncertain import path_of
-
-
-@dataclass(frozen=True, slots=True)
-class MachineSearch:
-    """How parts are searched for. All are chosen, for speed."""
-
-    refitted: int = 8
-    """Parts that are refitted after the score test; chosen."""
-    continued: int = 3
-    """Parts whose refit goes on until weights and numbers converge; chosen."""
-    steps: int = 6
-    """Steps of the first round of a refit; chosen."""
-
-
-MACHINE_SEARCH = MachineSearch()
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,14 +130,23 @@ def selected_parts(
     kept: Sequence[MachineRun],
     progress: Callable[[float], object] = lambda share: None,
 ) -> PartSelection:
-    """Choose parts as long as one passes, then take out what the others have made needless."""
-    model, steps = base, list[PartStep]()
-    before = cache(lambda: forecast(base))
+    """Choose parts as long as one passes, then take out what the others have made needless.
+
+    Where the fit without a part, begun where that with it ends, needs it no more, it goes on there; (303).
+    """
+    model, steps, again = base, list[PartStep](), 0
+    before = cache(partial(forecast, base))
     while len(model.parts) < SEARCH.most:
         progress(len(model.parts) / SEARCH.most)
         now = _forecast(before, part_step(base, model, parts, kept))
-        steps += [now] if now.chosen else two_steps(base, before, now, parts, kept)
-        best = steps[-1].chosen
+        made = (now,) if now.chosen else two_steps(base, before, now, parts, kept)
+        best = made[-1].chosen
+        less = None if best is None else without_needless(best.model, len(best.model.parts) - 1, kept)
+        if less is not None and again < MACHINE_SEARCH.again:
+            base, model, again = (base if less.parts else less), less, again + 1
+            before = cache(partial(forecast, base))
+            continue
+        steps += made
         if best is None:
             break
         model = best.model
@@ -184,7 +173,7 @@ def part_step(
     return PartStep(model, (*few, *tried[MACHINE_SEARCH.continued :]))
 
 
-def _forecast(before: Callable[[], FittedModel | None], now: PartStep) -> PartStep:
+def _forecast(before: Callable[[], Forecast | None], now: PartStep) -> PartStep:
     """Refuse what would be chosen as long as it makes the end of the runs worse; docs/model.md (246)."""
     while (best := now.chosen) is not None and (why := contradiction(before(), best.model)):
         tried = tuple(replace(one, contradiction=why) if one is best else one for one in now.tried)
@@ -194,7 +183,7 @@ def _forecast(before: Callable[[], FittedModel | None], now: PartStep) -> PartSt
 
 def two_steps(
     base: FittedModel,
-    before: Callable[[], FittedModel | None],
+    before: Callable[[], Forecast | None],
     now: PartStep,
     parts: Sequence[Part],
     kept: Sequence[MachineRun],
@@ -220,71 +209,10 @@ def two_steps(
 
 
 def _backward(model: FittedModel, kept: Sequence[MachineRun]) -> FittedModel:
-    """Take out, once, the part that the others have made needless."""
-    if len(model.parts) < 2:
-        return model
+    """Take out, one after the other, parts that the others have made needless."""
     fewer = (without_needless(model, which, kept) for which in range(len(model.parts) - 1))
-    return next((less for less in fewer if less is not None), model)
-
-
-def without_needless(model: FittedModel, which: int, kept: Sequence[MachineRun]) -> FittedModel | None:
-    """Return a model without one of its parts; None where fitted or held-out readings ask for that; (291)."""
-    less, whole = without_part(model, which, kept), reordered(model, which)
-    asked = less is None or delta_bic(less, whole) >= EVIDENCE_SCALE.very_strong
-    return None if less is None or asked or contradicted(held_out_rises(whole, less)) else less
-
-
-def without_part(model: FittedModel, which: int, kept: Sequence[MachineRun]) -> FittedModel | None:
-    """Return the model refitted without one of its parts; None where that has no equilibrium."""
-    problem, part = model.problem, model.parts[which]
-    names = {f"{part.label}: {number.name}" for number in part.numbers}
-    stays = [j for j, each in enumerate(problem.parameters) if each.name not in names]
-    parameters = [problem.parameters[j] for j in stays]
-    if isinstance(part.effect, RigNumber):
-        off = {
-            each.key: each.prior.centre
-            for each in problem.parameters
-            if each.name in names and not each.prior.log
-        }
-        rig = with_values(problem.rig, off)
-    else:
-        own = next(each.key for each in problem.parameters if each.name in names)
-        rig, parameters = _without_effect(problem.rig, int(str(path_of(own)[1])), parameters)
-    less = replace(problem, rig=rig, parameters=tuple(parameters))
-    parts = [each for k, each in enumerate(model.parts) if k != which]
-    return _fitted(less, model.state.u[stays], model, parts, kept)
-
-
-def _without_effect(rig: Rig, at: int, parameters: Sequence[Parameter]) -> tuple[Rig, list[Parameter]]:
-    """Return a rig without one of its effects, and parameters with the keys that they have then."""
-    moved = list[Parameter]()
-    for each in parameters:
-        table, *rest = path_of(each.key) if each.kind == "rig" else ("",)
-        behind = table == "effects" and int(rest[0]) > at
-        moved.append(each._replace(key=f"effects[{int(rest[0]) - 1}].{rest[1]}") if behind else each)
-    return msgspec.structs.replace(rig, effects=rig.effects[:at] + rig.effects[at + 1 :]), moved
-
-
-def without_zeros(
-    model: FittedModel, channels: Sequence[str], kept: Sequence[MachineRun]
-) -> tuple[FittedModel, FittedModel] | None:
-    """Return a model refitted with zeros of channels at those of the rig, and itself in that order."""
-    problem = model.problem
-    of_zero = np.array([each.kind == "zero" and each.key in channels for each in problem.parameters])
-    stays = np.flatnonzero(~of_zero)
-    less = replace(problem, parameters=tuple(problem.parameters[j] for j in stays))
-    made = _fitted(less, model.state.u[stays], model, model.parts, kept, channels)
-    order = np.concatenate([stays, np.flatnonzero(of_zero)])
-    same = replace(model, state=replace(model.state, u=model.state.u[order]))
-    return None if made is None else (made, same)
-
-
-def reordered(model: FittedModel, which: int) -> FittedModel:
-    """Return the model with the numbers of one part last, as `delta_bic` compares them."""
-    names = {f"{model.parts[which].label}: {number.name}" for number in model.parts[which].numbers}
-    of_part = np.array([each.name in names for each in model.problem.parameters])
-    order = np.concatenate([np.flatnonzero(~of_part), np.flatnonzero(of_part)])
-    return replace(model, state=replace(model.state, u=model.state.u[order]))
+    less = next((each for each in fewer if each is not None), None)
+    return model if less is None else _backward(less, kept)
 
 
 def _refit(
@@ -303,7 +231,7 @@ def _refit(
     if not starts:
         return None
     start = min(starts, key=lambda each: each[0])[1]
-    after = _fitted(one.problem, start, model, [*model.parts, one.part], kept)
+    after = refitted(one.problem, start, model, [*model.parts, one.part], kept)
     return None if after is None else _tried(base, model, one.part, after)
 
 
@@ -331,20 +259,3 @@ def _at(problem: Problem, u: Vector, model: FittedModel) -> float:
         return math.inf
     left = np.concatenate(model.state.weight) * np.concatenate(problem.left(there))
     return float(left @ left + u @ u)
-
-
-def _fitted(
-    problem: Problem,
-    start: Vector,
-    model: FittedModel,
-    parts: Sequence[Part],
-    kept: Sequence[MachineRun],
-    fixed: Sequence[str] = (),
-) -> FittedModel | None:
-    """Fit from a start with the weights of a model, then with its own."""
-    try:
-        state = fit_round(problem, start, model.state.weight, model.state.inflation, MACHINE_SEARCH.steps)
-        problem, state = fitted_again(problem, state)
-        return modelled(problem, state, parts, kept, fixed)
-    except FitError:
-        return None
