@@ -19,7 +19,7 @@ from tssgeom.rig import Friction, Rig, Sensor, Tendon
 from tssgeom.tendon.machine import machine_of, routed
 from tssgeom.tendon.machine_command import command_machine
 from tssgeom.tendon.machine_simulation import simulate_machine
-from tssgeom.tendon.machine_stream import CarriedMachine
+from tssgeom.tendon.machine_stream import CarriedMachine, channels_of
 
 TIME = np.linspace(0.0, 12.0, 61)
 TURN = np.linspace(0.0, 3.0, 40)
@@ -291,3 +291,11 @@ def test_a_length_and_an_angle_of_the_rig_have_no_error():
     noisy = POINTS + np.random.default_rng(3).normal(0.0, 2e-4, POINTS.shape)
     last = carried(hardware, {"motor_angle_rad": ANGLE[:5]}, points=noisy, time=TIME[:5])[-1]
     assert last.transmission.elongation_se == 0.0
+
+
+def test_a_joint_has_channels_of_its_angle_and_a_segment_of_its_bending():
+    joint, segment = channels_of(rig(30.0, 0.1)), channels_of(SEGMENT)
+    assert {"joint_angle_rad", "joint_torque_Nm"} <= {*joint}
+    assert not {*joint} & {"bending_x_rad", "tip_x_m"}
+    assert {"bending_x_rad", "tip_x_m"} <= {*segment}
+    assert not {*segment} & {"joint_angle_rad", "joint_torque_Nm"}

@@ -11,6 +11,7 @@ import pytest
 from tssgeom.errors import ShapeError, SourceError
 from tssgeom.io.formats import blocks, npz, point_tables
 from tssgeom.io.formats.files import open_recording
+from tssgeom.io.formats.paths import LONGEST_LINE, require_lines
 from tssgeom.stream import Frame, Rejected
 
 FRAMES, POINTS = 40, 12
@@ -167,3 +168,27 @@ def test_memory_does_not_grow_with_the_number_of_frames(tmp_path):
         )
     few, many = _peak(tmp_path / "2000.npz"), _peak(tmp_path / "8000.npz")
     assert many < few + 2_000_000  # the files are 10 and 38 MB; times take 8 B a frame
+
+
+def test_one_frame_over_many_blocks_is_refused_by_its_size(tmp_path, small_blocks, monkeypatch):
+    count = 30_000
+    table = {name: np.arange(count) / 1.0 for name in ("point", "x_mm", "y_mm", "z_mm")}
+    path = tmp_path / "a.parquet"
+    papq.write_table(
+        pa.table({"time_s": np.arange(count) // (count - 1), **table}), path, row_group_size=2000
+    )
+    assert open_recording(path).frame_count == 2
+    monkeypatch.setenv("TSSGEOM_MOST_MIB", "1")
+    with pytest.raises((ShapeError, SourceError), match="the limit is 1 MiB"):
+        open_recording(path)
+
+
+def test_a_table_of_many_short_lines_is_read_and_one_long_line_among_them_refused(tmp_path):
+    path, short = tmp_path / "a.csv", "0.0,0.0,0.0\n" * (LONGEST_LINE // 12)
+    path.write_text("x_mm,y_mm,z_mm\n" + short + "1.0,0.0,0.0\n" * 12)
+    (frame,) = open_recording(path).frames
+    assert isinstance(frame, Frame)
+    assert len(frame.points) == LONGEST_LINE // 12 + 12
+    assert len(require_lines(path, b"a\n" + b"1" * LONGEST_LINE + b"\n2")) == LONGEST_LINE + 4
+    with pytest.raises(ShapeError, match="line 3 is longer than 1048576 bytes"):
+        require_lines(path, b"a\nb\n" + b"1" * (LONGEST_LINE + 1) + b"\n2")

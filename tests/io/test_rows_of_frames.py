@@ -4,7 +4,9 @@ import re
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
 import pytest
+from pyarrow import feather
 
 from tssgeom.errors import ShapeError
 from tssgeom.io.formats.files import open_recording
@@ -229,3 +231,11 @@ def test_a_row_a_point_without_numbers_whose_frames_are_there_twice_is_read_once
     path.write_text("\n".join(lines))
     assert [len(frame.points) for frame in frames_of(path)] == [5, 5, 5]
     assert open_recording(path).notes == ("5 doubled rows left out",)
+
+
+@pytest.mark.parametrize("unit", ["s", "ms", "ns"])
+def test_times_that_are_dates_are_seconds_since_1970(tmp_path, unit):
+    time = np.repeat(np.array(["2024-03-01T09:30:00", "2024-03-01T09:30:02"], f"M8[{unit}]"), 6)
+    points = {name: np.tile(np.arange(6.0) ** k, 2) for k, name in enumerate(("x_mm", "y_mm", "z_mm"))}
+    feather.write_feather(pa.table({"time_s": pa.array(time), **points}), tmp_path / "a.feather")
+    assert [frame.time for frame in frames_of(tmp_path / "a.feather")] == [1709285400.0, 1709285402.0]

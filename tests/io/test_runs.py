@@ -88,3 +88,9 @@ def test_what_is_no_table_is_refused(tmp_path):
     broken.write_bytes(b"no parquet")
     with pytest.raises(SourceError, match="Parquet magic bytes"):
         read_run(broken)
+
+
+def test_columns_that_no_reader_knows_are_named_together(tmp_path):
+    path = tmp_path / "run.csv"
+    path.write_text("time_s,tension_in_N,Colour,Person\n" + "".join(f"{k},{k},3,{k}\n" for k in range(5)))
+    assert "not read: 'Colour', 'Person'; --map states what a column is" in read_run(path).notes

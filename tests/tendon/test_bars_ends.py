@@ -21,6 +21,7 @@ from tests.tendon.bars import (
     with_laws,
 )
 from tssgeom.core.constants_tendon_rows import LAW
+from tssgeom.effects.kinds import Curve
 from tssgeom.errors import SettingsError
 from tssgeom.rig import Rig, Tendon
 from tssgeom.tendon.bars.bar_state import pretensioned_bars
@@ -152,3 +153,20 @@ def test_a_step_leaves_the_old_state_as_it_was():
 )
 def test_the_direction_index_is_that_of_the_last_movement(history, sign):
     assert driven(history, HALF_CIRCLE, rig()).direction_index == sign
+
+
+@pytest.mark.parametrize(
+    ("table", "bars"),
+    [
+        ("strain", slice(1, -1)),
+        ("stretch_in", slice(1)),
+        ("stretch_out", slice(-1, None)),
+        ("load_path", slice(-1, None)),
+    ],
+)
+def test_stretch_by_points_lengthens_its_own_part_alone(table, bars):
+    state = pretensioned_bars(rig(5.0), HALF_CIRCLE, 6)
+    made = plant_on(state, HALF_CIRCLE, curves=(Curve(table, (0.0, 10.0, 30.0), (0.0, 2e-3, 6e-3)),))
+    soft, extra = made.rows[LAW.soft], np.zeros(len(state.tension))
+    extra[bars] = 3e-3 * (soft[bars] if table == "strain" else 1.0)
+    np.testing.assert_allclose(made.stretch(15.0), 15.0 * soft + extra, rtol=1e-12)

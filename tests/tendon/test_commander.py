@@ -15,7 +15,7 @@ from tssgeom.rig import Friction, Load, Rig, ShapeSensor, Tendon
 from tssgeom.route.pieces import Arcs
 from tssgeom.stream import FrameResult
 from tssgeom.tendon.command import compensate
-from tssgeom.tendon.command_error import Step, Variant, outside, spread
+from tssgeom.tendon.command_error import Step, Variant, bound, outside, spread
 from tssgeom.tendon.commander import Target, commander_of
 from tssgeom.tendon.state import pretensioned, step, transmit
 from tssgeom.uncertain import Uncertain, assumed
@@ -236,3 +236,7 @@ def test_a_load_so_soft_that_no_drive_reaches_it_gives_a_result_or_a_reason(stif
 def test_a_stream_is_warm_on_a_load_so_soft_that_no_drive_reaches_the_target():
     rig = Rig(load=Load(stiffness_N_per_m=1e-300))
     warm_up(rig, commander_of(rig, []))
+
+
+def test_the_bound_of_a_command_leaves_one_in_twenty_outside():
+    assert outside(0.0, 2e-3, bound(2e-3)) == pytest.approx(0.05)

@@ -253,3 +253,17 @@ def test_a_band_that_keeps_a_millionth_of_its_tension_has_an_equilibrium(frictio
     slides = np.log(out["tension_in_N"] / out["tension_out_N"])
     assert slides.max() == pytest.approx(friction * 30.0, rel=1e-6)
     assert slides.min() == pytest.approx(-friction * 30.0, rel=1e-6)
+
+
+def test_friction_of_a_joint_that_is_moved_is_a_torque_against_its_motion():
+    """Source: Coulomb friction."""
+    angle = 0.1 * np.sin(0.3 * np.arange(1.0, 40.0))
+    motion = {"time_s": np.arange(39.0), "motor_angle_rad": np.zeros(39), "joint_angle_rad": angle}
+    torque = list[np.ndarray]()
+    for friction in (0.0, 0.02):
+        end = End(kind="joint", radius_m=0.008, stiffness_Nm_per_rad=0.3, friction_Nm=friction)
+        one = changed(rig(30.0, 0.0), end=end)
+        machine = machine_of(one, [Arcs.exact(np.array([0.5]), np.array([0.0]))])
+        torque.append(simulate(machine, motion, end_given=True)["joint_torque_Nm"])
+    against = 0.02 * np.sign(np.diff(angle))
+    np.testing.assert_allclose((torque[0] - torque[1])[1:], against, atol=1e-9)
