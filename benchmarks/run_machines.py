@@ -17,7 +17,7 @@ from benchmarks.real_sets import ARM, PRELOAD, ZERO
 from benchmarks.run_laws import Case, Estimate, Prediction
 from tssgeom.arrays import Vector
 from tssgeom.errors import FitError, TssgeomError
-from tssgeom.identify.fit_quality import ROBUST, weights_of
+from tssgeom.identify.fit_quality import ROBUST
 from tssgeom.identify.machine_calibration import calibrate_machine
 from tssgeom.identify.machine_discovery import machine_work
 from tssgeom.identify.machine_estimates import MachineCalibration
@@ -252,7 +252,7 @@ def _fitted_to_all(work: MachineWork) -> FittedModel:
     channels = problem.model(start)
     if channels is None:
         raise FitError("the machine has no equilibrium at the numbers of its fit")
-    state = fit_round(problem, start, *weights_of(problem.left(channels)))
+    state = fit_round(problem, start, *problem.weights(problem.left(channels)))
     for _ in range(ROBUST.rounds):
         problem, state = fitted_again(problem, state)
     return modelled(problem, state, model.parts, ())

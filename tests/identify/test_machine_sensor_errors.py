@@ -83,3 +83,17 @@ def test_errors_of_a_sensor_are_none_at_zero_and_at_full_scale():
     np.testing.assert_allclose(waves[[0, 2, 3]], 0.0, atol=1e-12)
     assert waves[1] == pytest.approx([0.7 * 0.24, 0.0, -0.3 * 0.24, 0.0])
     assert stated_error(BENT) == pytest.approx(0.26)
+
+
+@pytest.mark.parametrize(("seed", "channel"), [(0, CELLS[0]), (4, "joint_angle_rad"), (9, CELLS[0])])
+def test_as_many_numbers_as_readings_are_no_evidence(seed, channel):
+    rng, at = np.random.default_rng(seed), np.linspace(0, TIME.size - 1, 9).astype(int)
+    given = {"time_s": TIME[at], "motor_angle_rad": MOTOR[at]}
+    true = simulate_machine(machine_of(PAIR, [ROUTE], 40), given)[channel]
+    true = true * (1.0 + 0.1 * rng.standard_normal()) * np.exp(-0.05 * np.arange(9))
+    read = true + (0.5 if channel in CELLS else 0.01) * rng.standard_normal(9)
+    run = machine_run("run0", given | {channel: read}, [ROUTE], rig(Sensor()))
+    work = machine_work(MachineCampaign("bench", rig(Sensor()), (), (run,), ()))[0]
+    assert sum(map(len, work.base.state.left)) <= len(work.base.state.u)
+    assert work.chosen.model.parts == ()
+    assert work.zeros == ()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -170,14 +170,15 @@ def first_weights(measured: Sequence[Vector]) -> list[Vector]:
     return [np.full(len(values), 1.0 / sigma) for values, sigma in zip(measured, sigmas, strict=True)]
 
 
-def weights_of(left: Sequence[Vector]) -> tuple[list[Vector], Vector]:
+def weights_of(left: Sequence[Vector], least: Iterable[float] | None = None) -> tuple[list[Vector], Vector]:
     """Return the weight of every reading of each block [1/SI], and how many are worth one [1].
 
-    A weight follows from what is left, less for those that are far off; docs/model.md (72), (181).
+    A weight follows from what is left, less for those that are far off; docs/model.md (72), (181). `least`
+    is what rounding leaves of each block: no more numbers than readings are left exactly nothing.
     """
     weights, inflations = [], []
-    for each in left:
-        sigma = spread(each)
+    for each, floor in zip(left, [0.0] * len(left) if least is None else least, strict=True):
+        sigma = max(spread(each), floor)
         inflation = inflation_of(each / sigma)
         far = np.maximum(np.abs(each) / sigma, 1e-12)
         weights.append(np.sqrt(np.minimum(1.0, CHANCE.clear / far) / inflation) / sigma)

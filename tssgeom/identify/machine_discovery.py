@@ -6,6 +6,7 @@ Source: docs/machines.md, "What a machine lacks"; docs/model.md (196)-(198).
 from __future__ import annotations
 
 import itertools
+import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -36,7 +37,7 @@ from tssgeom.identify.machine_run import MachineRun, thinned, turns_of
 from tssgeom.identify.machine_selection import PartSelection, selected_parts
 from tssgeom.identify.machine_sensor_errors import stated_error, with_sensor_errors
 from tssgeom.rig import Sensor
-from tssgeom.statistics import EVIDENCE_SCALE
+from tssgeom.statistics import EVIDENCE_SCALE, NORMAL_95
 from tssgeom.tendon.machine_simulation import drive_channels
 from tssgeom.threads import single_threaded
 
@@ -168,10 +169,17 @@ def _every_other(run: MachineRun) -> tuple[np.ndarray, str]:
     return out, "the second and the last quarter, since there are no two cycles,"
 
 
-def _mean_zero(model: FittedModel, channel: str) -> float:
-    """Return the zero of a channel, a mean over runs [its unit]."""
-    pairs = zip(model.problem.parameters, model.state.u, strict=True)
-    return float(np.mean([each.value(u) for each, u in pairs if (each.kind, each.key) == ("zero", channel)]))
+def _is_zero_clear(model: FittedModel, channel: str) -> bool:
+    """Whether the zero of a channel, a mean over runs, is beyond its specification and its own error."""
+    problem, u = model.problem, model.state.u
+    which = [j for j, each in enumerate(problem.parameters) if (each.kind, each.key) == ("zero", channel)]
+    values = np.array([(each.value(0.0), each.value(1.0)) for each in (problem.parameters[j] for j in which)])
+    share = np.zeros(len(u))
+    share[which] = np.diff(values, axis=1)[:, 0] / len(which)
+    mean, slope = values[:, 0].mean() + share @ u, model.state.slope(problem)
+    variance = share @ np.linalg.solve(slope.T @ slope + np.eye(len(u)), share)
+    stated = stated_error(model.rig.sensors.get(channel, Sensor()))
+    return bool(abs(mean) > max(stated, NORMAL_95 * math.sqrt(variance)))
 
 
 def _zeros(chosen: PartSelection, kept: Sequence[MachineRun]) -> tuple[FittedModel, tuple[NamedZero, ...]]:
@@ -185,8 +193,9 @@ def _zeros(chosen: PartSelection, kept: Sequence[MachineRun]) -> tuple[FittedMod
         gain, size = delta_bic(*both), max(changes(*both).values())
         ratio, rises = held_out_ratio(*both), held_out_rises(*both)
         evidence = Evidence(gain, EVIDENCE_SCALE.very_strong, size, ratio, -sum(rises.values()))
-        clear = abs(_mean_zero(model, channel)) > stated_error(model.rig.sensors.get(channel, Sensor()))
-        if evidence.total > evidence.threshold and size > 1.0 and clear and not contradicted(rises):
+        if evidence.total <= evidence.threshold or size <= 1.0 or contradicted(rises):
+            continue
+        if _is_zero_clear(model, channel):
             named.append(NamedZero(channel, evidence))
     if not named:
         return chosen.base, ()

@@ -34,8 +34,6 @@ from tssgeom.tendon.machine_simulation import drive_channels, simulate_machine
 class EvidenceSettings:
     """When a part of a machine is accepted."""
 
-    floor: float = 1e-6
-    """Of the range of a channel: less is left by rounding [1]; chosen."""
     creates: float = 0.05
     """Of the work that the drives do: a sheath that gives more than it takes by this much creates energy
     [1]; chosen: a cycle hardly ever closes better."""
@@ -136,11 +134,13 @@ def delta_bic(before: FittedModel, after: FittedModel) -> float:
     """Return how far the Bayesian information criterion falls; docs/model.md (196).
 
     Each block of readings has an error of its own size, and counts as many readings as are independent in
-    what the better model leaves.
+    what the better model leaves. As many numbers as readings leave nothing, and no evidence.
     """
+    if sum(map(len, after.state.left)) <= len(after.state.u):
+        return -math.inf
     gain, worth = 0.0, 0.0
     for block, (old, new) in enumerate(zip(before.state.left, after.state.left, strict=True)):
-        fall, independent = block_gain(old, new, floor_of(after.problem, block))
+        fall, independent = block_gain(old, new, after.problem.floor(block))
         gain, worth = gain + fall, worth + independent
     shared = len(before.state.u)
     gain += float(before.state.u @ before.state.u - after.state.u[:shared] @ after.state.u[:shared])
@@ -166,15 +166,9 @@ def size_of(left: Vector) -> float:
     for _ in left:
         limit = CHANCE.clear * size
         was, size = size, root_mean_square(np.clip(left, -limit, limit))
-        if size - was <= EVIDENCE.floor * rms:
+        if size - was <= FIT.rounding * rms:
             break
     return max(size, 1e-12)
-
-
-def floor_of(problem: Problem, block: int) -> float:
-    """Return what rounding leaves of a block of readings [SI]."""
-    k, name, at = problem.rows[block]
-    return max(EVIDENCE.floor * float(np.ptp(problem.runs[k].measured[name][at])), 1e-12)
 
 
 def changes(before: FittedModel, after: FittedModel) -> dict[str, float]:
@@ -182,7 +176,7 @@ def changes(before: FittedModel, after: FittedModel) -> dict[str, float]:
     out = dict[str, float]()
     pairs = zip(before.state.left, after.state.left, after.problem.rows, strict=True)
     for block, (old, new, (_, name, _)) in enumerate(pairs):
-        size = math.hypot(size_of(new), floor_of(after.problem, block))
+        size = math.hypot(size_of(new), after.problem.floor(block))
         independent = len(new) / inflation_of(new / size)
         limit = CHANCE.clear * size / math.sqrt(independent)
         out[name] = max(out.get(name, 0.0), root_mean_square(old - new) / limit)
@@ -205,7 +199,7 @@ def held_out_rises(before: FittedModel, after: FittedModel) -> dict[str, float]:
     """
     independent = dict[str, float]()
     for block, (left, (_, name, _)) in enumerate(zip(after.state.left, after.problem.rows, strict=True)):
-        size = math.hypot(size_of(left), floor_of(after.problem, block))
+        size = math.hypot(size_of(left), after.problem.floor(block))
         independent[name] = independent.get(name, 0.0) + len(left) / inflation_of(left / size)
     return {
         name: 2.0 * share * independent[name] * math.log(after.held[name] / max(before.held[name], 1e-15))

@@ -14,7 +14,7 @@ import numpy as np
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.core.constants import CHANCE
 from tssgeom.errors import FitError
-from tssgeom.identify.fit_quality import ROBUST, first_weights, weights_of
+from tssgeom.identify.fit_quality import ROBUST, first_weights
 from tssgeom.identify.machine_problem import FIT, FitState, Problem, fitted_rows
 from tssgeom.identify.machine_run import thinned
 from tssgeom.least_squares import SOLVER, Solution, solve
@@ -102,7 +102,7 @@ def fit_from(
 def fitted_again(problem: Problem, state: FitState) -> tuple[Problem, FitState]:
     """Fit once more, with more bars and with the weights that follow from what is left."""
     problem = problem.corrected(state.u, state.channels)
-    weight, inflation = weights_of(problem.left(state.channels))
+    weight, inflation = problem.weights(problem.left(state.channels))
     return problem, fit_round(problem, state.u, weight, inflation)
 
 

@@ -13,8 +13,8 @@ import numpy as np
 
 from tssgeom.arrays import Vector
 from tssgeom.errors import FitError
-from tssgeom.identify.fit_quality import inflation_of, weights_of
-from tssgeom.identify.machine_evidence import FittedModel, contradicted, floor_of, noise_of, size_of
+from tssgeom.identify.fit_quality import inflation_of
+from tssgeom.identify.machine_evidence import FittedModel, contradicted, noise_of, size_of
 from tssgeom.identify.machine_fit import fit_round, fitted_again
 from tssgeom.identify.machine_held_out import predicted
 from tssgeom.identify.machine_problem import FitState, Problem, fitted_rows
@@ -77,7 +77,7 @@ class _Block(NamedTuple):
 def _blocks(after: Forecast, without: list[Vector]) -> list[_Block]:
     """Return the end of every run; a reading counts less, the less the fit predicts it; (302)."""
     near = {
-        (k, name): (left, floor_of(after.problem, block))
+        (k, name): (left, after.problem.floor(block))
         for block, ((k, name, _), left) in enumerate(zip(after.problem.rows, after.state.left, strict=True))
     }
     made = list[_Block]()
@@ -112,7 +112,7 @@ def forecast(model: FittedModel) -> Forecast | None:
         if channels is None:
             return None
         problem, state = fitted_again(
-            problem, fit_round(problem, model.state.u, *weights_of(problem.left(channels)))
+            problem, fit_round(problem, model.state.u, *problem.weights(problem.left(channels)))
         )
     except FitError:
         return None

@@ -17,6 +17,7 @@ import numpy as np
 
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.errors import FitError, SettingsError
+from tssgeom.identify.fit_quality import weights_of
 from tssgeom.identify.machine_parameters import Parameter, route_numbers
 from tssgeom.identify.machine_prediction import Machines, predicted_beside
 from tssgeom.identify.machine_run import MachineRun
@@ -33,6 +34,8 @@ class MachineFitSettings:
     """Bars of each tendon while fitting; chosen: more are brought in by `fine`."""
     fine: int = 40
     """Bars of each tendon, to whose answer that of few bars is brought [1]; chosen."""
+    rounding: float = 1e-6
+    """Of the range of a channel: less is left by rounding [1]; chosen."""
     finest: int = 160
     """Bars at most, where 40 miss more than the noise of the readings hides [1]; chosen: for speed."""
     most_of_all: int = 1200
@@ -188,6 +191,15 @@ class Problem:
         """Return measured less simulated of each block of rows."""
         given = self.answers(channels)
         return [self.runs[k].measured[name][at] - given[k][name][at] for k, name, at in self.rows]
+
+    def floor(self, block: int) -> float:
+        """Return what rounding leaves of a block of readings [SI]."""
+        k, name, at = self.rows[block]
+        return max(FIT.rounding * float(np.ptp(self.runs[k].measured[name][at])), 1e-12)
+
+    def weights(self, left: Sequence[Vector]) -> tuple[list[Vector], Vector]:
+        """Return what `weights_of` makes of what is left, and of what rounding leaves."""
+        return weights_of(left, map(self.floor, range(len(self.rows))))
 
     def steps(self, slope: Matrix | None = None) -> Vector:
         """Return steps of derivatives: those by which the readings change by one standard deviation.

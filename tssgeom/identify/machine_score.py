@@ -11,7 +11,7 @@ import numpy as np
 
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.core.constants import CHANCE
-from tssgeom.identify.machine_evidence import FittedModel, block_gain, floor_of
+from tssgeom.identify.machine_evidence import FittedModel, block_gain
 from tssgeom.identify.machine_parts import PARTS, Part
 from tssgeom.identify.machine_problem import Problem
 
@@ -53,7 +53,7 @@ def straight_lines(model: FittedModel) -> Lines:
     state, weight = model.state, np.concatenate(model.state.weight)
     slope = state.slope(model.problem)
     normal = slope.T @ slope + np.eye(len(state.u))
-    floors = [floor_of(model.problem, block) for block in range(len(state.left))]
+    floors = [model.problem.floor(block) for block in range(len(state.left))]
     edges = np.cumsum([len(each) for each in state.left])[:-1]
     return Lines(weight, slope, normal, weight * np.concatenate(state.left), state.left, floors, edges)
 
