@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from tssgeom.arrays import Vector
-from tssgeom.errors import SettingsError
+from tssgeom.errors import FitError, SettingsError
 from tssgeom.identify.finding import Evidence, Finding
 from tssgeom.identify.machine_evidence import (
     FittedModel,
@@ -33,7 +33,13 @@ from tssgeom.identify.machine_parts import parts_of
 from tssgeom.identify.machine_problem import FIT, FitState, Problem, fitted_rows
 from tssgeom.identify.machine_refit import without_zeros
 from tssgeom.identify.machine_route_errors import with_own_route_errors, with_route_errors
-from tssgeom.identify.machine_run import MachineRun, thinned, turns_of
+from tssgeom.identify.machine_run import (
+    MachineRun,
+    straight_between_readings,
+    thinned,
+    turns_apart,
+    turns_of,
+)
 from tssgeom.identify.machine_selection import PartSelection, selected_parts
 from tssgeom.identify.machine_sensor_errors import stated_error, with_sensor_errors
 from tssgeom.rig import Sensor
@@ -42,6 +48,7 @@ from tssgeom.tendon.machine_simulation import drive_channels
 from tssgeom.threads import single_threaded
 
 _OWN = "only its zeros, its start, and the errors of a route that no other run has,"
+_STRAIGHT = "The motor goes straight from reading to reading: so the runs are likelier."
 _SPLIT = 2
 """Pairs of pieces into which a run without two cycles is cut; chosen: quarters."""
 
@@ -87,8 +94,13 @@ def machine_work(
     parameters = tuple(parameters_of(fitted, campaign.rig, campaign.uncertain))
     problem = Problem(fitted, campaign.rig, parameters, fitted_rows(fitted, held_out=False), FIT.bars)
     problem, state = fit_from(
-        problem, start_of(problem), lambda share: progress("fitting", 0.2 * share), _with_errors
+        problem, start_of(problem), lambda share: progress("fitting", 0.15 * share), _with_errors
     )
+    straight = _straight(campaign, fitted, FittedModel(problem, state, (), {}, {}, {}))
+    if straight is not None:
+        problem, state = straight
+        fitted, kept = (tuple(map(straight_between_readings, runs)) for runs in (fitted, kept))
+        said = (*said, _STRAIGHT)
     kept = tuple(_with_own_errors(run, problem, state) for run in kept)
     base = modelled(problem, state, (), kept)
     free = [each.key for each in parameters if each.kind == "rig"]
@@ -101,6 +113,25 @@ def machine_work(
     base, zeros = _zeros(chosen, kept)
     work = MachineWork(campaign, fitted, kept, base, chosen, zeros)
     return work, (*said, *(note for run in fitted for note in run.notes))
+
+
+def _straight(
+    campaign: MachineCampaign, fitted: Sequence[MachineRun], base: FittedModel
+) -> tuple[Problem, FitState] | None:
+    """Return the base whose motors go straight between readings, where it is the likelier one; (304)."""
+    runs = tuple(map(straight_between_readings, fitted))
+    if not any(itertools.starmap(turns_apart, zip(fitted, runs, strict=True))):
+        return None
+    parameters = tuple(parameters_of(runs, campaign.rig, campaign.uncertain))
+    start = np.array(
+        [0.0 if each.kind == "turn" else u for each, u in zip(parameters, base.state.u, strict=False)]
+    )
+    problem = Problem(runs, campaign.rig, parameters, fitted_rows(runs, held_out=False), FIT.bars)
+    try:
+        made = fit_from(problem, start, lambda _: None, _with_errors)
+    except FitError:
+        return None
+    return made if delta_bic(base, FittedModel(*made, (), {}, {}, {})) > 0.0 else None
 
 
 def _with_errors(problem: Problem, state: FitState) -> tuple[Problem, Vector]:

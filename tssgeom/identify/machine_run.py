@@ -224,6 +224,21 @@ def _with_turns_between(run: MachineRun, made: Legs) -> MachineRun:
     return replace(run, given=given, measured=measured, held_out=held_out, legs=made)
 
 
+def straight_between_readings(run: MachineRun) -> MachineRun:
+    """Return a run whose motor goes straight from reading to reading; docs/model.md (304)."""
+    if run.legs is None or not run.legs.calm:
+        return run
+    made, (channel, *_) = run.legs.straight(), drive_channels(run.drive, run.tendons)
+    pulls = {name: each.straight() if each.calm else each for name, each in run.inputs.pulls.items()}
+    given = {**run.given, channel: with_turns(made, np.zeros(len(made.turns)))}
+    return replace(run, given=given, legs=made, inputs=run.inputs._replace(pulls=pulls))
+
+
+def turns_apart(run: MachineRun, straight: MachineRun) -> bool:
+    """Whether turns of a run and of the same run that goes straight between readings can be distinguished."""
+    return run.legs is not None and straight.legs is not None and run.legs.differs_from(straight.legs)
+
+
 def answering(rig: Rig, count: int) -> tuple[str, ...]:
     """Return the channels that a machine with so many tendons may answer in."""
     ends = [*numbered("tension_in_N", count), *numbered("tension_out_N", count)]

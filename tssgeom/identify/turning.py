@@ -62,6 +62,18 @@ class Legs:
         least = 1e-9 * float(np.ptp(self.values))  # for a drive without noise
         return np.maximum(self.turn_se[: LEGS.most_turns], least).tolist()
 
+    def straight(self) -> Legs:
+        """Return the same drive that goes straight between its readings: it turns at the outermost; (304)."""
+        before, behind = self.values[self.turns - 1], self.values[self.turns]
+        nearer = np.abs(self.turn_values - before) < np.abs(self.turn_values - behind)
+        at = read_only(np.where(nearer, before, behind))
+        return replace(self, turn_values=at, turn_se=read_only(np.full(len(at), self.noise)))
+
+    def differs_from(self, other: Legs) -> bool:
+        """Whether one of its turns lies farther from that of another such drive than their errors; (304)."""
+        off = np.abs(self.turn_values - other.turn_values)
+        return bool((off > CHANCE.never * np.hypot(self.turn_se, other.turn_se)).any())
+
     def again(self, time: Vector, rng: np.random.Generator) -> Legs:
         """Return the drive at its times [n] [s] as it might have been read with other noise."""
         read = self.values + self.noise * rng.standard_normal(len(time))
