@@ -1,4 +1,4 @@
-"""A curve through points is no shorter and turns no less than their polygon; docs/model.md (153)."""
+"""A curve through points is no shorter and turns no less than their polygon; docs/model.md (153), (307)."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ class Polygon:
 
 
 def polygon_of(shape: Shape, weight: Vector) -> Polygon:
-    """Return the polygon through the points of a shape that have a weight [n], and its directions."""
+    """Return the polygon through the points of a shape that have a weight [n], and its directions; (307)."""
     through = polygon(shape.points, weight)
     if shape.directions is None:
         return through
