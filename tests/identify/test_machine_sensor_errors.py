@@ -10,7 +10,9 @@ from tests.identify.test_machine_routes import MOTOR, PAIR, TIME
 from tssgeom.identify.machine_discovery import machine_work
 from tssgeom.identify.machine_finding import MachineCampaign
 from tssgeom.identify.machine_run import machine_run
-from tssgeom.identify.machine_sensor_errors import sensor_bends, stated_error, without_sensor_errors
+from tssgeom.identify.machine_sensor_errors import without_sensor_errors
+from tssgeom.identify.prediction import sensor_bends
+from tssgeom.identify.screening import stated_error
 from tssgeom.rig import Sensor
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.machine import machine_of
@@ -82,7 +84,7 @@ def test_errors_of_a_sensor_are_none_at_zero_and_at_full_scale():
     waves = sensor_bends(np.array([0.0, 20.0, 40.0, 60.0]), BENT)
     np.testing.assert_allclose(waves[[0, 2, 3]], 0.0, atol=1e-12)
     assert waves[1] == pytest.approx([0.7 * 0.24, 0.0, -0.3 * 0.24, 0.0])
-    assert stated_error(BENT) == pytest.approx(0.26)
+    assert stated_error(BENT, BENT.noise) == pytest.approx(0.26)
 
 
 @pytest.mark.parametrize(("seed", "channel"), [(0, CELLS[0]), (4, "joint_angle_rad"), (9, CELLS[0])])

@@ -6,7 +6,9 @@ state from before is kept, and once the turn is known the members go again, alon
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Self
 
 import numpy as np
@@ -67,6 +69,13 @@ class DrivePath:
                 self._move(there[:, i], i, when, one)
             gone.append(there)
         return gone
+
+    def copied(self) -> DrivePath:
+        """Return a path that goes on from here by itself; arrays are shared, as none is changed."""
+        other = copy.copy(self)
+        other.start = replace(self.start)
+        other.values, other.steps, other.turns = self.values.copy(), self.steps.copy(), self.turns.copy()
+        return other
 
     def plain(self) -> dict[str, NDArray[np.float64]]:
         """Return all of it but its start, for `of`."""

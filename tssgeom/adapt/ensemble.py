@@ -9,7 +9,6 @@ Weather Review 130 (2002).
 
 from __future__ import annotations
 
-import copy
 import math
 from abc import abstractmethod
 from collections.abc import Sequence
@@ -102,7 +101,7 @@ class Ensemble(Members):
         """Return a filter that goes on from here by itself."""
         other = super().copied()
         other.kept, other.now = self.kept.copied(), self.now.copied()
-        other.path = copy.deepcopy(self.path)
+        other.path = None if self.path is None else self.path.copied()
         other.trackers = {name: one.copied() for name, one in self.trackers.items()}
         return other
 
@@ -132,7 +131,7 @@ class Ensemble(Members):
             turned = [one.take(value) for one, value in zip(drives, driven, strict=True)]
             if self.path is not None:
                 self.path.take(drives)
-            if any(one is not None for one in turned):
+            if any(turned):
                 self._follow(turned, at)
         count, start = len(self.members), self.kept
         rows = _rows_with_probes(count, len(drives))
@@ -242,7 +241,7 @@ class Ensemble(Members):
         if self.path is not None and any(turned[i] for i in self.path.turns):  # it turned again
             self.path = None
         spread = np.zeros_like(self.committed)
-        if self.of_machines or turned.count(None) < len(turned):
+        if self.of_machines or any(turned):
             sd = np.array([0.0 if one is None else one.error for one in turned])
             spread = self._deviations(sd, self._known())
         for i, (drive, one) in enumerate(zip(self._driving, turned, strict=True)):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from copy import deepcopy
 from dataclasses import dataclass, fields, replace
 from typing import Any, get_args
 
@@ -111,7 +110,7 @@ class SavedFilter:
         now.drift.set_rows(self.drift)
         if isinstance(now, MachineFilter):
             assert self.joint is not None
-            now.recent, now.joint, now.path = self.recent, self.joint, deepcopy(self.path)
+            now.recent, now.joint, now.path = self.recent, self.joint, _copied(self.path)
         set_random(now, self.random)
         return now
 
@@ -130,9 +129,9 @@ def _fresh(
 def captured(now: Ensemble, rig: Rig, sensed: Arcs, measured: tuple[str, ...], coldest: float) -> SavedFilter:
     """Return what a filter of a `rig` needs to go on; `now` may go on meanwhile."""
     own = tuple(one.key for one in followed_numbers(rig, measured))
-    of_machine = {
-        name: deepcopy(getattr(now, name)) for name in _OF_MACHINE if isinstance(now, MachineFilter)
-    }
+    of_machine = {name: getattr(now, name) for name in _OF_MACHINE if isinstance(now, MachineFilter)}
+    if of_machine:
+        of_machine["path"] = _copied(now.path)
     return SavedFilter(
         keys=own,
         measured=measured,
@@ -170,6 +169,10 @@ def filter_object(saved: SavedFilter) -> dict[str, Any]:
         values[standing] = {name: getattr(values[standing], name) for name in names}
     written = {name: plain(value) for name, value in values.items()}
     return written | {"version": VERSION, "random": [f"{number:x}" for number in saved.random]}
+
+
+def _copied(path: DrivePath | None) -> DrivePath | None:
+    return None if path is None else path.copied()
 
 
 def _path_object(path: DrivePath) -> dict[str, Any]:

@@ -174,7 +174,7 @@ def weights_of(left: Sequence[Vector], least: Iterable[float] | None = None) -> 
     """Return the weight of every reading of each block [1/SI], and how many are worth one [1].
 
     A weight follows from what is left, less for those that are far off; docs/model.md (72), (181). `least`
-    is what rounding leaves of each block: no more numbers than readings are left exactly nothing.
+    is what rounding leaves of each block, since a fit of as many numbers as readings leaves nothing.
     """
     weights, inflations = [], []
     for each, floor in zip(left, [0.0] * len(left) if least is None else least, strict=True):

@@ -41,7 +41,8 @@ from tssgeom.identify.machine_run import (
     turns_of,
 )
 from tssgeom.identify.machine_selection import PartSelection, selected_parts
-from tssgeom.identify.machine_sensor_errors import stated_error, with_sensor_errors
+from tssgeom.identify.machine_sensor_errors import with_sensor_errors
+from tssgeom.identify.screening import stated_error
 from tssgeom.rig import Sensor
 from tssgeom.statistics import EVIDENCE_SCALE, NORMAL_95
 from tssgeom.tendon.machine_simulation import drive_channels
@@ -209,8 +210,8 @@ def _is_zero_clear(model: FittedModel, channel: str) -> bool:
     share[which] = np.diff(values, axis=1)[:, 0] / len(which)
     mean, slope = values[:, 0].mean() + share @ u, model.state.slope(problem)
     variance = share @ np.linalg.solve(slope.T @ slope + np.eye(len(u)), share)
-    stated = stated_error(model.rig.sensors.get(channel, Sensor()))
-    return bool(abs(mean) > max(stated, NORMAL_95 * math.sqrt(variance)))
+    sensor = model.rig.sensors.get(channel, Sensor())
+    return bool(abs(mean) > max(stated_error(sensor, sensor.noise), NORMAL_95 * math.sqrt(variance)))
 
 
 def _zeros(chosen: PartSelection, kept: Sequence[MachineRun]) -> tuple[FittedModel, tuple[NamedZero, ...]]:

@@ -218,6 +218,11 @@ def worse(before: FittedModel, after: FittedModel, channel: str) -> str:
     if not channel:
         return ""
     ratio = after.held[channel] / max(before.held[channel], 1e-15)
+    return worse_by(channel, ratio)
+
+
+def worse_by(channel: str, ratio: float) -> str:
+    """Say how much worse a part makes a channel on what is held out."""
     return f"with it the held-out rms of {channel} is {ratio:.3g} times that without"
 
 

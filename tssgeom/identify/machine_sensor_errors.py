@@ -6,7 +6,6 @@ gain, and no law.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -17,7 +16,7 @@ from tssgeom.identify.machine_parameters import Parameter, bends_of
 from tssgeom.identify.machine_problem import Problem
 from tssgeom.identify.machine_route_errors import ROUTE_ERRORS
 from tssgeom.identify.machine_run import MachineRun
-from tssgeom.identify.prediction import NOISE
+from tssgeom.identify.prediction import sensor_bends
 from tssgeom.rig import Sensor
 
 
@@ -44,7 +43,7 @@ def with_sensor_errors(
         bent[name] = turned[size > ROUTE_ERRORS.clear].T
         for k in those:
             own = sensor_bends(channels[k][name], sensor) @ bent[name]
-            runs[k] = replace(runs[k], bends={**runs[k].bends, **_named(name, name, own, runs[k].measured)})
+            runs[k] = replace(runs[k], bends={**runs[k].bends, **_named(name, own, runs[k].measured)})
         made += bends_of(_key(name, m) for m in range(bent[name].shape[1]))
     longer = replace(problem, runs=tuple(runs), parameters=(*problem.parameters, *made), sensor_bends=bent)
     return longer, np.concatenate([u, np.zeros(len(made))])
@@ -61,24 +60,9 @@ def without_sensor_errors(run: MachineRun, problem: Problem, u: Vector) -> Machi
     return replace(run, measured=measured)
 
 
-def sensor_bends(reading: Vector, sensor: Sensor) -> Matrix:
-    """Return errors of readings [n], of one standard deviation each [n, waves], in their unit."""
-    share = np.clip(reading / sensor.full_scale, -1.0, 1.0)
-    depth = sensor.nonlinearity * sensor.full_scale
-    waves = [size * depth * np.sin(k * math.pi * share) for k, size in enumerate(NOISE.bends, start=1)]
-    return np.stack(waves, axis=-1)
-
-
-def stated_error(sensor: Sensor) -> float:
-    """Return how far off a reading may be by the specification of its sensor, as (111) has it [its unit]."""
-    return sensor.nonlinearity * sensor.full_scale + sensor.resolution + sensor.noise
-
-
-def _named(
-    of: str, name: str, own: Matrix, channels: Mapping[str, Vector]
-) -> dict[str, Mapping[str, Vector]]:
+def _named(name: str, own: Matrix, channels: Mapping[str, Vector]) -> dict[str, Mapping[str, Vector]]:
     return {
-        _key(of, m): {each: bow if each == name else np.zeros(len(bow)) for each in channels}
+        _key(name, m): {each: bow if each == name else np.zeros(len(bow)) for each in channels}
         for m, bow in enumerate(own.T)
     }
 

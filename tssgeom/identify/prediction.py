@@ -216,10 +216,15 @@ def _of_sensors(stack: Stack, rig: Rig, base: Vector) -> Iterator[tuple[str, Vec
             yield f"drift {k} of {label}", _put(stack, block.rows, wave)
         sensor = rig.sensors.get(block.channel, Sensor())
         if sensor.nonlinearity > 0.0 and sensor.full_scale > 0.0:
-            share_of_scale = np.clip(base[block.rows] / sensor.full_scale, -1.0, 1.0)
-            for k, size in enumerate(NOISE.bends, start=1):
-                bow = size * sensor.nonlinearity * sensor.full_scale * np.sin(k * math.pi * share_of_scale)
+            for k, bow in enumerate(sensor_bends(base[block.rows], sensor).T, start=1):
                 yield f"bend {k} of {block.channel}", _put(stack, block.rows, bow)
+
+
+def sensor_bends(reading: Vector, sensor: Sensor) -> Matrix:
+    """Return errors of readings [n], of one standard deviation each [n, waves], in their unit; (101)."""
+    share = np.clip(reading / sensor.full_scale, -1.0, 1.0)
+    turns = math.pi * np.arange(1, len(NOISE.bends) + 1)
+    return np.array(NOISE.bends) * sensor.nonlinearity * sensor.full_scale * np.sin(turns * share[:, None])
 
 
 def _zero_sd(reading: Reading, channel: str) -> float:

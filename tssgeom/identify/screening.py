@@ -250,6 +250,11 @@ def _wave(part: Matrix, waves: Matrix, phase: Matrix) -> Matrix:
     return np.sin(math.pi * waves * part + phase) - start - (end - start) * part
 
 
+def stated_error(sensor: Sensor, noise: float) -> float:
+    """Return how far off a reading with this noise may be by the specification of its sensor; (111)."""
+    return sensor.nonlinearity * sensor.full_scale + sensor.resolution + noise
+
+
 def detection_limits(stack: Stack, rig: Rig) -> dict[str, float]:
     """Return what each channel may be off by its specification [N, m]; docs/model.md (111).
 
@@ -259,7 +264,7 @@ def detection_limits(stack: Stack, rig: Rig) -> dict[str, float]:
     for block in stack.blocks:
         sensor = rig.sensors.get(block.channel, Sensor())
         noise = stack.readings[block.run].noise[block.channel]
-        own[block.channel] = sensor.nonlinearity * sensor.full_scale + sensor.resolution + noise
+        own[block.channel] = stated_error(sensor, noise)
     cell = max((own[name] for name in CELLS if name in own), default=LIMITS.weakest_N)
     length = max(reading.route.arcs.total_length for reading in stack.readings)
     give = rig.tendon.compliance_per_N * length * cell
