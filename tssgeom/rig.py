@@ -73,11 +73,18 @@ class Sensor(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     """What the channel of a machine reads for 1 above its zero [1]."""
     lag_s: float = 0.0
     """Time constant with which the channel of a machine follows [s]."""
+    drift_per_s: float = 0.0
+    """By how much the channel of a machine reads more, each second of a run [1/s]; what a run answers, not
+    what drives it."""
+    drift_time_s: float = 0.0
+    """Time constant with which this drift ends, as that of a cell that warms up [s]; 0 where it goes on."""
 
     def __post_init__(self) -> None:
-        for name in ("noise", "resolution", "full_scale", "nonlinearity", "lag_s"):
+        for name in ("noise", "resolution", "full_scale", "nonlinearity", "lag_s", "drift_time_s"):
             require_at_least_zero(f"sensors.*.{name}", getattr(self, name), "")
-        require(math.isfinite(self.zero), "sensors.*.zero", self.zero, "give a finite value")
+        for name in ("zero", "drift_per_s"):
+            value = getattr(self, name)
+            require(math.isfinite(value), f"sensors.*.{name}", value, "give a finite value")
         usable = math.isfinite(self.gain) and self.gain != 0.0
         require(usable, "sensors.*.gain", self.gain, "give a finite value that is not 0")
 
@@ -331,7 +338,7 @@ def write_rig(path: Path, rig: Rig, provenance: Sequence[str] = ()) -> None:
         if getattr(rig, name) == getattr(Rig(), name):
             del tables[name]
     for sensor in tables.get("sensors", {}).values():
-        for name in ("zero", "gain", "lag_s"):
+        for name in ("zero", "gain", "lag_s", "drift_per_s", "drift_time_s"):
             if sensor[name] == getattr(Sensor(), name):
                 del sensor[name]
     write_text(path, comments + "\n" * bool(comments) + tomli_w.dumps(tables))

@@ -46,6 +46,7 @@ def mean_history(now: MachineFilter, machine: Machine, time: float) -> MachineHi
         held,
         now.drive,
         time,
+        time,
         now.motor(motor),
         None if np.isnan(joint) else now.joint._replace(value=float(coordinate[0]), engaged=joint),
         lags,

@@ -102,7 +102,7 @@ def machine_work(
         problem, state = straight
         fitted, kept = (tuple(map(straight_between_readings, runs)) for runs in (fitted, kept))
         said = (*said, _STRAIGHT)
-    kept = tuple(_with_own_errors(run, problem, state) for run in kept)
+    kept = tuple(_with_own_errors(_likelier(run, problem, state), problem, state) for run in kept)
     base = modelled(problem, state, (), kept)
     free = [each.key for each in parameters if each.kind == "rig"]
     parts = parts_of(campaign.rig, free, fitted)
@@ -133,6 +133,18 @@ def _straight(
     except FitError:
         return None
     return made if delta_bic(base, FittedModel(*made, (), {}, {}, {})) > 0.0 else None
+
+
+def _likelier(run: MachineRun, problem: Problem, state: FitState) -> MachineRun:
+    """Return a run that is held out, its motor straight between readings where it is likelier so; (304)."""
+    straight, model = straight_between_readings(run), FittedModel(problem, state, (), {}, {}, {})
+    if not turns_apart(run, straight):
+        return run
+    both = (
+        own_numbers(model.on_known_routes(each), model.rig, fine=problem.fine) for each in (run, straight)
+    )
+    curved, made = (FittedModel(*own, (), {}, {}, {}) for own in both)
+    return straight if delta_bic(curved, made) > 0.0 else run
 
 
 def _with_errors(problem: Problem, state: FitState) -> tuple[Problem, Vector]:

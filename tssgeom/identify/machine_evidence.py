@@ -176,11 +176,34 @@ def changes(before: FittedModel, after: FittedModel) -> dict[str, float]:
     out = dict[str, float]()
     pairs = zip(before.state.left, after.state.left, after.problem.rows, strict=True)
     for block, (old, new, (_, name, _)) in enumerate(pairs):
-        size = math.hypot(size_of(new), after.problem.floor(block))
-        independent = len(new) / inflation_of(new / size)
-        limit = CHANCE.clear * size / math.sqrt(independent)
-        out[name] = max(out.get(name, 0.0), root_mean_square(old - new) / limit)
+        share = root_mean_square(old - new) / _limit(new, after.problem.floor(block))
+        out[name] = max(out.get(name, 0.0), share)
     return out
+
+
+def _limit(left: Vector, least: float) -> float:
+    """Return the rms change of a block that shows beside what is left of it [SI]."""
+    size = math.hypot(size_of(left), least)
+    return CHANCE.clear * size * math.sqrt(inflation_of(left / size) / len(left))
+
+
+def touched(model: FittedModel, parts: Sequence[Part]) -> set[str]:
+    """Return the channels that parts of a model change beyond what shows, all other numbers as they are.
+
+    Others follow what is fitted with the parts, and say nothing of these; docs/model.md (310). All are, where
+    the machine has no equilibrium without the parts.
+    """
+    names = {f"{part.label}: {number.name}" for part in parts for number in part.numbers}
+    problem, state = model.problem, model.state
+    kept = np.array([each.name not in names for each in problem.parameters])
+    if (without := problem.model(kept * state.u)) is None:
+        return {name for _, name, _ in problem.rows}
+    made = set[str]()
+    blocks = zip(problem.rows, state.left, problem.left(without), strict=True)
+    for block, ((_, name, _), left, other) in enumerate(blocks):
+        if root_mean_square(other - left) > _limit(left, problem.floor(block)):
+            made.add(name)
+    return made
 
 
 def held_out_ratio(before: FittedModel, after: FittedModel) -> float:
@@ -207,8 +230,12 @@ def held_out_rises(before: FittedModel, after: FittedModel) -> dict[str, float]:
     }
 
 
-def contradicted(rises: Mapping[str, float]) -> str:
-    """Return the channel whose held-out readings contradict a part; empty where none does; (119), (197)."""
+def contradicted(rises: Mapping[str, float], by: set[str] | None = None) -> str:
+    """Return the channel whose held-out readings contradict a part; empty where none does; (119), (197).
+
+    Of channels that the part touches, `by`; of all where None.
+    """
+    rises = {name: rise for name, rise in rises.items() if by is None or name in by}
     worst = max(rises, key=lambda name: rises[name], default="")
     return worst if worst and rises[worst] > NORMAL_95**2 else ""
 

@@ -14,7 +14,7 @@ import numpy as np
 from tssgeom.arrays import Vector
 from tssgeom.errors import FitError
 from tssgeom.identify.fit_quality import inflation_of
-from tssgeom.identify.machine_evidence import FittedModel, contradicted, noise_of, size_of, worse_by
+from tssgeom.identify.machine_evidence import FittedModel, contradicted, noise_of, size_of, touched, worse_by
 from tssgeom.identify.machine_fit import fit_round, fitted_again
 from tssgeom.identify.machine_held_out import predicted
 from tssgeom.identify.machine_problem import FitState, Problem, fitted_rows
@@ -54,7 +54,7 @@ def contradiction(before: Forecast | None, model: FittedModel) -> str:
             continue
         ratios[name] = math.sqrt(sum(each.after for each in those) / sum(each.before for each in those))
         rises[name] = 2.0 * sum(each.independent for each in those) * math.log(ratios[name])
-    if not (channel := contradicted(rises)):
+    if not (channel := contradicted(rises, touched(model, model.parts))):
         return ""
     return f"{worse_by(channel, ratios[channel])}, where only the first two thirds of the runs are fitted"
 

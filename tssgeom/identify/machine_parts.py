@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import msgspec
@@ -18,7 +18,7 @@ from tssgeom.effects import KINDS, Library, snake, with_size
 from tssgeom.identify.finding import RigNumber
 from tssgeom.identify.fit import FIT
 from tssgeom.identify.machine_parameters import Parameter, unit_of
-from tssgeom.identify.machine_run import MachineRun
+from tssgeom.identify.machine_run import LIMITS, MachineRun
 from tssgeom.rig import Rig, with_values
 from tssgeom.uncertain import Prior, behind_gear, keys_of
 
@@ -37,6 +37,9 @@ class PartSettings:
     """Of the range of the drive: play that is tried first, where its noise does not hide that [1]; chosen."""
     shares: tuple[float, ...] = (1.0, 0.2, 0.04)
     """Of the size from which a part starts: sizes at which it is tried [1]; chosen: apart by five."""
+    steps: int = 2
+    """Steps of a fit at the weights of noise, by whose end a part is ranked; chosen: a play has a corner,
+    and one step goes half the way."""
     pushed: float = 2.0
     """Scales from which a part is tried, apart by this factor from the typical one [1]; chosen."""
 
@@ -212,6 +215,7 @@ _CHOICES = (
 MEANINGS: Mapping[str, str] = {each.name: each.meaning for each in _CHOICES} | {
     "channel_gain": "A channel reads a share too much or too little",
     "channel_lag": "A channel passes a first-order filter before it is stored",
+    "channel_drift": "The zero of a channel drifts during a run",
     "drive_lag": "The drive is recorded later, or earlier, than what answers",
     "channel_zero": "A channel of force or torque does not read zero where nothing pulls",
 }
@@ -229,6 +233,8 @@ def _of_rig(rig: Rig, free: Sequence[str], runs: Sequence[MachineRun]) -> Iterat
         if f"sensors.{name}.gain" not in free and len(answers) > 1:
             centre = 1.0 if known is None else known.gain
             yield _of_channel("channel_gain", name, "gain", "1", Prior(centre, PARTS.gain, log=False))
+        if f"sensors.{name}.drift_per_s" not in free and (known is None or known.drift_per_s == 0.0):
+            yield _drift(name, runs)
         if f"sensors.{name}.lag_s" not in free and (known is None or known.lag_s == 0.0):
             late.append(name)
     cells = [name for name in late if name.startswith("tension")]  # one amplifier may read them all
@@ -256,6 +262,18 @@ def presliding(rig: Rig, free: Sequence[str], runs: Sequence[MachineRun]) -> tup
 
 def _by_tension(run: MachineRun) -> bool:
     return run.legs is not None and run.drive == "tension_in"
+
+
+def _drift(channel: str, runs: Sequence[MachineRun]) -> Part:
+    """Return the drift of a channel, by about a tenth of its range over the longest run."""
+    measured = [run.measured[channel] for run in runs if channel in run.measured]
+    span = max(float(np.nanmax(each) - np.nanmin(each)) for each in measured)
+    longest = max(float(np.ptp(run.given["time_s"])) for run in runs)
+    prior = Prior(0.0, LIMITS.zero * (span or 1.0) / longest, log=False)
+    part = _of_channel("channel_drift", channel, "drift_per_s", f"{unit_of(channel)}/s", prior)
+    key, middle = f"sensors.{channel}.drift_time_s", 0.5 * longest
+    ends = Number("drift_time_s", key, "s", Prior(middle, FIT.log_sd), middle, switch=False)
+    return replace(part, numbers=(*part.numbers, ends))
 
 
 def _typical_lag(runs: Sequence[MachineRun]) -> float:

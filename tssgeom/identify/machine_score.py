@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -11,14 +12,16 @@ import numpy as np
 
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.core.constants import CHANCE
-from tssgeom.identify.machine_evidence import FittedModel, block_gain
+from tssgeom.errors import FitError
+from tssgeom.identify.machine_evidence import FittedModel, block_gain, noise_of
+from tssgeom.identify.machine_fit import fit_round
 from tssgeom.identify.machine_parts import PARTS, Part
 from tssgeom.identify.machine_problem import Problem
 
 
 @dataclass(frozen=True, slots=True)
 class PartScore:
-    """What a straight line promises of a part."""
+    """What a straight line promises of a part, or two steps of a fit that asks it to leave noise alone."""
 
     part: Part
     problem: Problem
@@ -26,12 +29,17 @@ class PartScore:
     start: Vector
     """Where its refit starts, in u."""
     gain: float
-    """ΔBIC of a straight line, but for the number that it has more [1]; (299)."""
+    """ΔBIC but for the number that it has more [1]; (299), (308)."""
+    model: FittedModel
+    """That without the part, with the weights from which the refit starts."""
+    fitted: bool = False
+    """Whether the start is the end of a fit."""
 
 
 class Lines(NamedTuple):
     """A model as a straight line in its numbers, weighted."""
 
+    model: FittedModel
     weight: Vector
     """[rows] [1/SI]"""
     slope: Matrix
@@ -55,34 +63,85 @@ def straight_lines(model: FittedModel) -> Lines:
     normal = slope.T @ slope + np.eye(len(state.u))
     floors = [model.problem.floor(block) for block in range(len(state.left))]
     edges = np.cumsum([len(each) for each in state.left])[:-1]
-    return Lines(weight, slope, normal, weight * np.concatenate(state.left), state.left, floors, edges)
+    return Lines(model, weight, slope, normal, weight * np.concatenate(state.left), state.left, floors, edges)
 
 
-def score_of(model: FittedModel, part: Part, lines: Lines) -> PartScore | None:
-    """Return the best of a few scales of a part, by a straight line in its switch."""
-    problem, state = model.problem, model.state
-    rig, own = part.on(problem.rig)
-    longer = replace(problem, rig=rig, parameters=(*problem.parameters, *own))
+def as_noise(model: FittedModel) -> FittedModel:
+    """Return a model with the weights that its readings have where it leaves their noise alone; (308)."""
+    noise = noise_of((model,), model.rig)
+    rows = zip(model.problem.rows, model.state.left, strict=True)
+    weight = [np.full(len(left), 1.0 / noise[name]) for (_, name, _), left in rows]
+    return replace(model, state=replace(model.state, weight=weight, inflation=np.ones(len(weight))))
+
+
+def score_of(part: Part, lines: Lines, sharp: Lines | None = None) -> PartScore | None:
+    """Return the best of a few scales of a part: by a straight line in its switch, or two steps of a fit.
+
+    Parameters
+    ----------
+    part
+        What is tried.
+    lines, sharp
+        The model without it at the weights of its fit, and at those of `as_noise`; no fit without these.
+    """
+    longer, tried = _longer(part, lines.model), [*_tries(part, lines.model)]
+    by_line = list[PartScore]()
+    for one in (lines,) if sharp is None else (lines, sharp):
+        state, best = one.model.state, None
+        for added, there in tried:
+            switch = _switch(part)
+            off = np.concatenate(longer.left(there)) - np.concatenate(state.left)
+            amplitude, gain = _within(part, _line(one, one.weight * off / added[switch]))
+            start = np.concatenate([state.u, added])
+            start[len(state.u) + switch] = amplitude
+            if best is None or gain > best.gain:
+                best = PartScore(part, longer, start, gain, one.model)
+        by_line += [] if best is None else [best]
+    if not by_line:
+        return None
+    fitted = None if sharp is None else _fitted(by_line[-1], sharp)
+    return by_line[0] if fitted is None or fitted.gain <= by_line[0].gain else fitted
+
+
+def _longer(part: Part, model: FittedModel) -> Problem:
+    """Return the problem of a model with a part more."""
+    rig, own = part.on(model.problem.rig)
+    return replace(model.problem, rig=rig, parameters=(*model.problem.parameters, *own))
+
+
+def _switch(part: Part) -> int:
+    return next(k for k, number in enumerate(part.numbers) if number.switch)
+
+
+def _tries(part: Part, model: FittedModel) -> Iterator[tuple[Vector, list[Mapping[str, Vector]]]]:
+    """Yield numbers of a part at a few scales and sizes, and the channels of the model with them."""
+    longer, switch = _longer(part, model), _switch(part)
     scales = [k for k, number in enumerate(part.numbers) if not number.switch]
-    switch = next(k for k, number in enumerate(part.numbers) if number.switch)
     step = part.switch.prior.u(part.switch.start)
-    best: PartScore | None = None
     for pushed in itertools.product((0.0, -1.0, 1.0), repeat=min(len(scales), 1)):
-        added = np.zeros(len(own))
+        added = np.zeros(len(part.numbers))
         for k, push in zip(scales, pushed, strict=False):
             added[k] = push * math.log(PARTS.pushed) / part.numbers[k].prior.sd
         for share in PARTS.shares:
-            added[switch] = share * step
-            there = longer.model(np.concatenate([state.u, added]))
-            if there is None:
-                continue
-            off = np.concatenate(longer.left(there)) - np.concatenate(state.left)
-            amplitude, gain = _within(part, _line(lines, lines.weight * off / added[switch]))
-            start = added.copy()
-            start[switch] = amplitude
-            made = PartScore(part, longer, np.concatenate([state.u, start]), gain)
-            best = made if best is None or made.gain > best.gain else best
-    return best
+            tried = added.copy()
+            tried[switch] = share * step
+            there = longer.model(np.concatenate([model.state.u, tried]))
+            if there is not None:
+                yield tried, there
+
+
+def _fitted(one: PartScore, sharp: Lines) -> PartScore | None:
+    """Return where two steps from the start of a score end; None where the machine has no equilibrium."""
+    state = one.model.state
+    try:
+        end = fit_round(one.problem, one.start, state.weight, state.inflation, PARTS.steps)
+    except FitError:
+        return None
+    blocks = zip(sharp.blocks, end.left, sharp.floors, strict=True)
+    gain = sum(block_gain(old, new, least)[0] for old, new, least in blocks)
+    weight, inflation = one.problem.weights(end.left)
+    state = replace(state, weight=weight, inflation=inflation)
+    return replace(one, start=end.u, gain=gain, model=replace(one.model, state=state), fitted=True)
 
 
 def _within(part: Part, line: tuple[float, float]) -> tuple[float, float]:

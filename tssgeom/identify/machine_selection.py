@@ -6,7 +6,7 @@ Source: docs/model.md (196)-(198).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
 
@@ -24,6 +24,7 @@ from tssgeom.identify.machine_evidence import (
     modelled,
     noise_of,
     refused,
+    touched,
     worse,
 )
 from tssgeom.identify.machine_fit import fitted_again
@@ -32,7 +33,7 @@ from tssgeom.identify.machine_parts import Part
 from tssgeom.identify.machine_problem import Problem
 from tssgeom.identify.machine_refit import MACHINE_SEARCH, refitted, without_needless
 from tssgeom.identify.machine_run import MachineRun
-from tssgeom.identify.machine_score import PartScore, score_of, straight_lines
+from tssgeom.identify.machine_score import PartScore, as_noise, score_of, straight_lines
 from tssgeom.identify.misfit import beyond_noise
 from tssgeom.identify.selection import SEARCH
 from tssgeom.statistics import EVIDENCE_SCALE, NORMAL_95
@@ -134,7 +135,8 @@ def selected_parts(
 
     Where the fit without a part, begun where that with it ends, needs it no more, it goes on there; (303).
     """
-    model, steps, again = base, list[PartStep](), 0
+    model = base = _by_noise(base, kept)
+    steps, again = list[PartStep](), 0
     before = cache(partial(forecast, base))
     while len(model.parts) < SEARCH.most:
         progress(len(model.parts) / SEARCH.most)
@@ -161,9 +163,9 @@ def part_step(
     None may make a channel worse than without it, or than in the `base` without any part.
     """
     has, freed = {part.label for part in model.parts}, {key for part in model.parts for key in part.of_rig}
-    lines = straight_lines(model)
+    lines, sharp = straight_lines(model), straight_lines(as_noise(model)) if _is_far(model) else None
     new = [part for part in parts if part.label not in has and not part.of_rig & freed]
-    tests = [score_of(model, part, lines) for part in new]
+    tests = [score_of(part, lines, sharp) for part in new]
     tests = [one for one in tests if one is not None and one.gain > NORMAL_95**2]
     tests.sort(key=lambda one: -one.gain)
     quick = [_refit(base, model, one, kept) for one in tests[: MACHINE_SEARCH.refitted]]
@@ -171,6 +173,24 @@ def part_step(
     few = [_continued(base, model, one, kept) for one in tried[: MACHINE_SEARCH.continued]]
     few.sort(key=lambda one: -one.delta_bic)
     return PartStep(model, (*few, *tried[MACHINE_SEARCH.continued :]))
+
+
+def _by_noise(base: FittedModel, kept: Sequence[MachineRun]) -> FittedModel:
+    """Return a base that leaves noise alone, or a likelier one fitted at the weights of noise; (308)."""
+    if _beyond_noise(base, base.fitted) >= 1.0:
+        return base
+    better = refitted(base.problem, base.state.u, as_noise(base), base.parts, kept, base.fixed)
+    return base if better is None or delta_bic(base, better) <= 0.0 else better
+
+
+def _is_far(model: FittedModel) -> bool:
+    """Whether a model leaves more than three times the noise."""
+    return _beyond_noise(model, model.held or model.fitted) > CHANCE.clear
+
+
+def _beyond_noise(model: FittedModel, rms: Mapping[str, float]) -> float:
+    """Return the misfit of a model [1]; (112)."""
+    return beyond_noise(rms, noise_of((model,), model.rig))
 
 
 def _forecast(before: Callable[[], Forecast | None], now: PartStep) -> PartStep:
@@ -190,8 +210,7 @@ def two_steps(
 ) -> tuple[PartStep, ...]:
     """Return a step at which no part passes, or that and another: two parts that pass together; (290)."""
     model, pairs = now.before, dict[str, tuple[float, PartStep]]()
-    left = beyond_noise(model.held or model.fitted, noise_of((model,), model.rig))
-    if left <= CHANCE.clear or len(model.parts) > SEARCH.most - 2:
+    if not _is_far(model) or len(model.parts) > SEARCH.most - 2:
         return (now,)
     refuted = [one for one in now.tried if one.contradiction and replace(one, contradiction="").passes]
     for first in sorted(refuted, key=lambda one: -one.evidence)[: MACHINE_SEARCH.continued]:
@@ -226,12 +245,14 @@ def _refit(
     half = one.start.copy()
     half[switch] *= 0.3
     starts = [
-        (value, u) for u in (one.start, half, typical) if (value := _at(one.problem, u, model)) < math.inf
+        (value, u)
+        for u in ((one.start,) if one.fitted else (one.start, half, typical))
+        if (value := _at(one.problem, u, one.model)) < math.inf
     ]
     if not starts:
         return None
     start = min(starts, key=lambda each: each[0])[1]
-    after = refitted(one.problem, start, model, [*model.parts, one.part], kept)
+    after = refitted(one.problem, start, one.model, [*model.parts, one.part], kept)
     return None if after is None else _tried(base, model, one.part, after)
 
 
@@ -249,7 +270,9 @@ def _tried(base: FittedModel, model: FittedModel, part: Part, after: FittedModel
     made = TriedPart(part, after, gain, size, sum(rises.values()), ratio)
     if made.least <= EVIDENCE_SCALE.very_strong:
         return made
-    against = (worse(one, after, contradicted(held_out_rises(one, after))) for one in (model, base))
+    by = touched(after, [part]), touched(after, after.parts)
+    pairs = zip((model, base), by, strict=True)
+    against = (worse(one, after, contradicted(held_out_rises(one, after), those)) for one, those in pairs)
     return replace(made, refusal=refused(model, after), contradiction=next(filter(None, against), ""))
 
 

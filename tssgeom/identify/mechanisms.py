@@ -60,6 +60,7 @@ MECHANISM_OF = {
     "load_stiffness": "load_over_position",
     "channel_gain": "sensor_gain",
     "channel_zero": "sensor_zero",
+    "channel_drift": "sensor_drift",
 }
 """The mechanism that each effect of the library, or number of a machine, is a formula of."""
 

@@ -116,7 +116,8 @@ def command_machine(
     held = held_tensions(machine)
     spans = np.diff(time, prepend=2.0 * time[0] - time[1] if len(time) > 1 else time[0] - 1.0)
     state, begun = begin(machine, held), float(time[0] - spans[0])
-    at = MachineHistory(state, held[:, [0, -1]], "motor_angle_rad", begun, Turning(0.0, 0.0, 0.0))
+    rest = Turning(0.0, 0.0, 0.0)
+    at = MachineHistory(state, held[:, [0, -1]], "motor_angle_rad", begun, float(time[0]), rest)
     may_wait = None if near_enough is None else lambda miss, _: miss <= near_enough
     done = list[NextAngle]()
     for k in range(len(time)):

@@ -12,7 +12,7 @@ import numpy as np
 
 from tssgeom import core
 from tssgeom.arrays import Matrix, Vector
-from tssgeom.rig import Rig
+from tssgeom.rig import Rig, Sensor
 from tssgeom.tendon.machine import MachineState
 
 DriveName = Literal["motor_angle_rad", "displacement_in", "tension_in", "motor_torque_Nm"]
@@ -41,6 +41,8 @@ class MachineHistory(NamedTuple):
     drive: DriveName
     time: float
     """Of the last sample [s]."""
+    begun_at: float
+    """Time at which the run began [s]."""
     motor: Turning | None = None
     joint: Turning | None = None
     lags: Mapping[str, tuple[float, float]] = {}
@@ -72,6 +74,13 @@ def turned(values: Vector, engaged: Vector, before: Turning | None) -> Turning:
     return Turning(float(values[-1]), way, float(engaged[-1]))
 
 
+def drift(sensor: Sensor, elapsed: Vector) -> Vector:
+    """Return by how much a channel reads more after times since its run began [s]; docs/model.md (309)."""
+    if sensor.drift_per_s == 0.0 or sensor.drift_time_s == 0.0:
+        return sensor.drift_per_s * elapsed
+    return -sensor.drift_per_s * sensor.drift_time_s * np.expm1(-elapsed / sensor.drift_time_s)
+
+
 def read_by_sensors(
     values: Mapping[str, Vector], time: Vector, rig: Rig, history: MachineHistory, before: MachineHistory
 ) -> tuple[dict[str, Vector], MachineHistory]:
@@ -89,5 +98,6 @@ def read_by_sensors(
             first = before.lags.get(name, (true[0], true[0]))
             read[name] = core.lagged(np.ascontiguousarray(true), spans, sensor.lag_s, *first)
             lags[name] = float(true[-1]), float(read[name][-1])
-        read[name] = sensor.gain * read[name] + sensor.zero
+        zero = sensor.zero + drift(sensor, time - before.begun_at)
+        read[name] = sensor.gain * read[name] + zero
     return read, history._replace(lags=lags)

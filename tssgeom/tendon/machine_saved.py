@@ -34,6 +34,7 @@ def machine_object(state: CarriedMachine) -> dict[str, Any]:
         "held": history.held.tolist(),
         "drive": history.drive,
         "time": history.time,
+        "begun_at": history.begun_at,
         **{name: None if (of := getattr(history, name)) is None else list(of) for name in ("motor", "joint")},
         "lags": {name: list(pair) for name, pair in history.lags.items()},
         "recent": None if history.recent is None else history.recent.tolist(),
@@ -90,13 +91,16 @@ def _history(saved: Mapping[str, Any]) -> MachineHistory:
     require(numbers(where, len(where)) and 0 < len(where) <= _MOST_COORDINATES, "coordinate")
     require(saved["drive"] in get_args(DriveName), "drive")
     time = float(saved["time"])
-    require(bool(np.isfinite(time)), "time")
+    begun_at = float(saved.get("begun_at", time))  # of an older file, where nothing drifts
+    require(bool(np.isfinite([time, begun_at]).all()), "time")
     motor, joint = _turning(saved["motor"]), _turning(saved["joint"])
     recent = None if (rows := saved.get("recent")) is None else _array(rows)  # of an older file: none
     if recent is not None:
         drives = 1 if saved["drive"].startswith("motor") else len(held)
         require(recent.ndim == 2 and numbers(recent, len(recent), 1 + drives) and len(recent) > 0, "recent")
-    return MachineHistory(MachineState(memory, where), held, saved["drive"], time, motor, joint, lags, recent)
+    return MachineHistory(
+        MachineState(memory, where), held, saved["drive"], time, begun_at, motor, joint, lags, recent
+    )
 
 
 def _turning(saved: Any) -> Turning | None:

@@ -235,7 +235,7 @@ def begun(machine: Machine, drive: DriveName, time: Vector, start: Start | None 
     if drive == "motor_torque_Nm":
         state = state._replace(coordinate=np.append(state.coordinate, 0.0))
     begin_time = 2.0 * first - time[1] if len(time) > 1 else first - 1.0
-    return MachineHistory(state, held[:, [0, -1]], drive, float(begin_time))
+    return MachineHistory(state, held[:, [0, -1]], drive, float(begin_time), float(first))
 
 
 def _driving(run: Mapping[str, Vector], drive: DriveName, machine: Machine) -> tuple[str, ...]:
