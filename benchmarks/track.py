@@ -27,10 +27,10 @@ from tssgeom.route.synthetic import colon, positions
 from tssgeom.stream import Frame, FrameResult
 from tssgeom.vision.blobs import BlobAppearance, blob_finder
 from tssgeom.vision.cameras import Camera
-from tssgeom.vision.sightings import Sightings
 from tssgeom.vision.tags import dictionary, tag_finder
 from tssgeom.vision.track import Wanted, track
 from tssgeom.vision.triangulation import noise_across
+from tssgeom.vision.views import Sightings
 
 _MARKERS = 16
 _STEP = 1e-6  # [m]

@@ -6,6 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
 from PIL import Image
 
 from tests.view.layout import faults
@@ -50,6 +51,16 @@ def test_a_picture_of_other_layers_and_an_import_upwards_are_reported(tmp_path):
     assert done.returncode == 1
     assert "the contract has [['tssgeom.upper'], ['tssgeom.lower']]" in done.stderr
     assert "tssgeom.lower imports tssgeom.upper, which is no layer below it" in done.stderr
+
+
+GENERATED = {"_declarations.py", "_entries.py"}
+
+
+@pytest.mark.parametrize("folder", ["tssgeom", "pipelines", "benchmarks", "docs", "tests"])
+def test_no_file_of_code_has_more_than_350_lines(folder):
+    files = [path for kind in ("*.py", "*.c", "*.h", "*.inl") for path in (ROOT / folder).rglob(kind)]
+    lines = {path: path.read_text("utf-8").count("\n") for path in files if path.name not in GENERATED}
+    assert {path: count for path, count in lines.items() if count > 350} == {}
 
 
 def test_the_picture_knows_its_layers_by_itself():

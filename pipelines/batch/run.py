@@ -10,10 +10,9 @@ from pathlib import Path
 import msgspec
 
 from pipelines import tssgeom_version
-from pipelines.batch.limits import BatchLimits
 from pipelines.batch.sources import Source, left_out_of_batch, sources_of
 from pipelines.batch.task import Outcome, Task, work
-from pipelines.batch.workers import WorkerLost, WorkerPool, worker_pool
+from pipelines.batch.workers import BatchLimits, WorkerLost, WorkerPool, worker_pool
 from pipelines.inputs import Refusal, RunSettings, Tally, print_reading
 from pipelines.left_out import left_out_text
 from pipelines.summary_table import print_summary
@@ -312,7 +311,7 @@ class Batch:
 
 def _worker_count(tasks: Sequence[Task], total: int) -> int:
     """Return how many processes cores and input justify, by its size and by the pictures."""
-    most = 1 + total // _LIMITS.shared_size if any(_is_shared(task) for task in tasks) else len(tasks)
+    most = 1 + total // _LIMITS.worker_size if any(_is_shared(task) for task in tasks) else len(tasks)
     pictures = sum(task.recorded.pictures for task in tasks)
     justified = 1 + total // _LIMITS.worker_size + pictures // _LIMITS.worker_pictures
     return max(1, min(_cores(), most, justified))
@@ -324,7 +323,7 @@ def _cores() -> int:
 
 def _is_shared(task: Task) -> bool:
     """Whether several workers share the frames of an input."""
-    return task.settings.geometry_only and task.size > _LIMITS.shared_size
+    return task.settings.geometry_only and task.size > _LIMITS.worker_size
 
 
 def _outcomes(pool: WorkerPool, tasks: Iterable[Task]) -> Iterator[tuple[Task, Outcome | WorkerLost]]:

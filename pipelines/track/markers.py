@@ -23,10 +23,10 @@ from tssgeom.vision.blobs import BlobAppearance, blob_finder
 from tssgeom.vision.cameras import Camera, refuse_other_size
 from tssgeom.vision.footage import Footage, open_footage
 from tssgeom.vision.localisation import Alone
-from tssgeom.vision.sightings import Sightings, nothing
 from tssgeom.vision.tags import CORNERS, tag_finder
 from tssgeom.vision.track import Track, Wanted, track
 from tssgeom.vision.triangulation import noise_across
+from tssgeom.vision.views import Sightings, nothing
 
 
 @dataclass(frozen=True, slots=True)

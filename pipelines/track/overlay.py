@@ -16,8 +16,8 @@ from tssgeom.vision.boards import BoardDetection
 from tssgeom.vision.cameras import Camera
 from tssgeom.vision.footage import Footage
 from tssgeom.vision.overlay import annotated, annotated_board, beside, encoded
-from tssgeom.vision.sightings import Sightings
 from tssgeom.vision.track import Track
+from tssgeom.vision.views import Sightings
 
 _MOST_PAINTED = 500
 """Frames that are written, evenly spread [1]; chosen: a few tens of megabytes."""

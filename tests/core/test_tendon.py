@@ -5,7 +5,8 @@ import pytest
 
 from tests.core.twins import tendon_profile as twin
 from tests.core.twins.tendon_base import advanced, on_route
-from tests.core.twins.tendon_equilibrium import Chain, equilibrium
+from tests.core.twins.tendon_chain import Chain
+from tests.core.twins.tendon_equilibrium import equilibrium
 from tests.core.twins.tendon_laws import remembered, unpacked
 from tssgeom import core
 from tssgeom.core.constants_tendon import PROFILE, SOLVER

@@ -14,8 +14,7 @@ import numpy as np
 import pyarrow.parquet as papq
 import pytest
 
-from pipelines.batch.limits import BatchLimits
-from pipelines.batch.workers import WorkerLost, worker_pool
+from pipelines.batch.workers import BatchLimits, WorkerLost, worker_pool
 from tests.pipelines.alike import alike
 from tssgeom.io.results.run_record import locked
 from tssgeom.io.storage import Folder
@@ -196,7 +195,7 @@ def test_frames_that_stand_alone_give_the_same_bytes_however_they_are_spread(
     monkeypatch.setattr("pipelines.batch.task.CHUNK", 16)
     outs = [tmp_path / name for name in ("whole", "spread")]
     for out, small in zip(outs, (1 << 30, 0), strict=True):
-        monkeypatch.setattr("pipelines.batch.run._LIMITS", BatchLimits(shared_size=small))
+        monkeypatch.setattr("pipelines.batch.run._LIMITS", BatchLimits(worker_size=small))
         run("batch", source, "--out", out, "--geometry-only", *PLAIN)
     assert content(outs[0]) == content(outs[1])
     rows = papq.read_table(outs[0] / "frames/long.parquet").to_pylist()

@@ -9,7 +9,7 @@ from rerun.chunk import RrdReader
 
 from tests.worked_finding import worked_finding
 from tssgeom.view.quantities import COUNT
-from tssgeom.view.scene.finding.recording import MISFIT_BOX, write_finding_recording
+from tssgeom.view.scene.finding.recording import BOX, write_finding_recording
 from tssgeom.view.scene.finding.replay import MOST_NODES, MOST_ROWS, replay
 from tssgeom.view.scene.viewer import moment_of_greatest_tension
 
@@ -78,7 +78,7 @@ def test_misfit_along_the_route_marks_the_detected_bend(path):
 def test_the_chart_of_the_missing_angle_marks_the_bend_at_its_arc_length(path):
     length = 1e3 * replay(worked_finding()).length
     ((strip,),) = columns(path, "missing/found")["LineStrips2D:strips"][0].to_pylist()
-    across = MISFIT_BOX.width * 210.0 / length
+    across = BOX.width * 210.0 / length
     np.testing.assert_allclose(strip, [[across, 1.0], [across, 0.0]], atol=1e-6)  # sent in single precision
 
 

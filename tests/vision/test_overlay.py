@@ -5,8 +5,7 @@ import numpy as np
 from tests.scenes import ring
 from tests.vision.conftest import camera_of
 from tssgeom.vision.overlay import annotated
-from tssgeom.vision.sightings import Sightings
-from tssgeom.vision.views import Located
+from tssgeom.vision.views import Located, Sightings
 
 GREY = 40
 

@@ -10,9 +10,9 @@ from tssgeom.rig import Rig
 from tssgeom.stream import Frame, FrameResult
 from tssgeom.vision.blobs import BlobAppearance, blob_finder
 from tssgeom.vision.localisation import Alone
-from tssgeom.vision.sightings import Sightings
 from tssgeom.vision.track import Wanted, track
 from tssgeom.vision.triangulation import noise_across
+from tssgeom.vision.views import Sightings
 
 from .bounds import bound, pixel_error
 

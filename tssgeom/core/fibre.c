@@ -6,12 +6,6 @@
 /* Of the weight of all pieces, below which one is left out; chosen: of 24 to 200 gratings the evidence changes by
    less than 3e-4. Scale of a weight that is kept in range. */
 static const double NEGLIGIBLE = 1e-8, LARGE = 1e100;
-enum { TERMS = 20 }; /* derived: 2^20 7!/27!, the next one, is below rounding */
-
-/* Transition of the states over a step, and the covariance that it adds. */
-typedef struct {
-    double over[STATES][STATES], columns[STATES][STATES], added[STATES][STATES], decay;
-} Step;
 
 /* Both components of the curvature at a site, given the sites of its piece up to there. */
 typedef struct {
@@ -37,55 +31,6 @@ typedef struct {
     Step *steps;                       /* of each kind to each site [k][n] */
     double (*prior)[STATES][STATES];   /* covariance of each kind where a piece begins [k] */
 } Fibre;
-
-enum { MOMENTS = 2 * STATES - 1 };
-static const double FACTORIAL[MOMENTS] = {1.0, 1.0, 2.0, 6.0, 24.0, 120.0, 720.0};
-
-static double power(double x, int64_t n) { return n > 0 ? x * power(x, n - 1) : 1.0; }
-
-/* ∫ u^m exp(−2λu) du from 0 to h, for each m; the greatest by a series or in closed form, the others from it. */
-static void moments(double decay, double h, double out[MOMENTS]) {
-    const int64_t top = MOMENTS - 1;
-    double rate = 2.0 * decay, x = rate * h, less = exp(-x), sum = 0.0;
-    if (isinf(h)) {
-        for (int64_t m = 0; m < MOMENTS; m++) out[m] = FACTORIAL[m] / power(rate, m + 1);
-        return;
-    }
-    double term = x < 2.0 ? 1.0 / (double)MOMENTS : 1.0, whole = FACTORIAL[top] / power(rate, top + 1);
-    if (x < 2.0)
-        for (int64_t i = 0; i < TERMS; i++) sum += term, term *= x / (double)(MOMENTS + 1 + i);
-    else
-        for (int64_t i = 0; i <= top; i++) sum += term, term *= x / (double)(i + 1);
-    out[top] = x < 2.0 ? less * power(h, top + 1) * sum : whole * (1.0 - less * sum);
-    for (int64_t m = top; m > 0; m--) out[m - 1] = (rate * out[m] + power(h, m) * less) / (double)m;
-}
-
-/* Covariance of the states, grown over a step h; infinite for that of the prior; docs/model.md (37). */
-static void grown(double variance, double decay, double h, double out[STATES][STATES]) {
-    memset(out, 0, STATES * sizeof *out);
-    if (decay == 0.0) {
-        out[0][0] = isinf(h) ? variance : 0.0;
-        return;
-    }
-    const int64_t p = STATES - 1;
-    double intensity = variance * power(2.0 * decay, 2 * p + 1) * squared(FACTORIAL[p]) / FACTORIAL[2 * p];
-    double moment[MOMENTS];
-    moments(decay, h, moment);
-    for (int64_t i = 0; i < STATES; i++)
-        for (int64_t j = i; j < STATES; j++)
-            out[i][j] = out[j][i] = intensity * moment[2 * p - i - j] / (FACTORIAL[p - i] * FACTORIAL[p - j]);
-}
-
-static Step step_over(double h, double variance, double decay) {
-    Step step = {.decay = decay};
-    double less = exp(-decay * h);
-    for (int64_t i = 0; i < STATES; i++)
-        for (int64_t j = i; j < STATES; j++)
-            if (i == j || decay > 0.0)
-                step.over[i][j] = step.columns[j][i] = less * power(h, j - i) / FACTORIAL[j - i];
-    grown(variance, decay, h, step.added);
-    return step;
-}
 
 /* The covariance of states before a step with those after it. */
 static inline void across(const Step *step, const Smooth *at, double out[STATES][STATES]) {
@@ -208,17 +153,6 @@ void tss_fibre_evidence(
     *log_evidence = forward(&of, origin, kind, NULL, NULL, work + k * n * OF_STEP + k * STATES * STATES);
 }
 
-/* Lower triangle L of a covariance L Lᵀ; 0 where it has none. */
-static void root_of(const double covariance[STATES][STATES], double root[STATES][STATES]) {
-    memset(root, 0, STATES * sizeof *root);
-    for (int64_t a = 0; a < STATES; a++)
-        for (int64_t b = 0; b <= a; b++) {
-            double sum = covariance[a][b];
-            for (int64_t c = 0; c < b; c++) sum -= root[a][c] * root[b][c];
-            root[a][b] = a == b ? sqrt(most(sum, 0.0)) : root[b][b] > 0.0 ? sum / root[b][b] : 0.0;
-        }
-}
-
 /* The states at a site of a piece, by the sites up to there; and how they depend on those at the next site. */
 typedef struct {
     Smooth filtered;
@@ -230,14 +164,6 @@ typedef struct {
     int64_t end, draw, next;
     double left, right;
 } Drawn;
-
-/* Columns of a lower triangle, as `root_of`. */
-static void columns_of(const double covariance[STATES][STATES], double column[STATES][STATES]) {
-    double root[STATES][STATES];
-    root_of(covariance, root);
-    for (int64_t a = 0; a < STATES; a++)
-        for (int64_t b = 0; b < STATES; b++) column[b][a] = root[a][b];
-}
 
 /* Gain of the states at a site by those at the next one, and the root of the covariance that is left. */
 static void link_to_next(const Step *step, Site *site) {

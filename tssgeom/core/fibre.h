@@ -10,6 +10,22 @@ enum {
     OF_SITE = 3 * STATES * STATES + 4 * STATES   /* and of a site of a filtered piece */
 };
 
+/* Transition of the states over a step, and the covariance that it adds. */
+typedef struct {
+    double over[STATES][STATES], columns[STATES][STATES], added[STATES][STATES], decay;
+} Step;
+
+/* Covariance of the states, grown over a step h; infinite for that of the prior; docs/model.md (37). */
+void grown(double variance, double decay, double h, double out[STATES][STATES]);
+
+Step step_over(double h, double variance, double decay);
+
+/* Lower triangle L of a covariance L Lᵀ; 0 where it has none. */
+void root_of(const double covariance[STATES][STATES], double root[STATES][STATES]);
+
+/* Columns of a lower triangle, as `root_of`. */
+void columns_of(const double covariance[STATES][STATES], double column[STATES][STATES]);
+
 /** ln of the evidence of curvatures at n sites, over all partitions into pieces of k kinds; docs/model.md (36).
 
 A piece of x metres goes on with the probability 1/(1 + rate x). A kind has curvature components of a variance

@@ -12,8 +12,8 @@ import numpy as np
 
 from tssgeom.core.constants import MEDIANS
 from tssgeom.errors import SettingsError
-from tssgeom.vision.sightings import Sightings, nothing
 from tssgeom.vision.tags import grey
+from tssgeom.vision.views import Sightings, nothing
 
 _ROUND = (0.8, 1.25)  # area over that of the ellipse with the same moments
 _SLIM = 0.12  # smallest ratio of the squared axes: a disc viewed at 70 degrees

@@ -1,9 +1,10 @@
-"""All cameras and all boards fitted at once to every detected corner; docs/model.md (141)."""
+"""Poses, and all cameras and boards fitted at once to every detected corner; docs/model.md (141)."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -12,13 +13,45 @@ from scipy.optimize import least_squares
 from tssgeom.arrays import Matrix, Points, Vector
 from tssgeom.errors import FitError
 from tssgeom.vision.boards import BoardDetection
-from tssgeom.vision.poses import Pose
 
 LENS = 9
 """Parameters of a lens: focal lengths, principal point, distortion."""
 CAMERA = LENS + 6
 """Parameters of a camera: lens, rotation vector, shift."""
 _BOARD = 6
+
+
+class Pose(NamedTuple):
+    """From one frame into another: x' = R(turn) x + shift."""
+
+    turn: Vector
+    """Rotation vector [3] [rad]."""
+    shift: Vector
+    """[3] [m]."""
+
+    @property
+    def rotation(self) -> Matrix:
+        """[3, 3]."""
+        return np.asarray(cv2.Rodrigues(self.turn)[0], dtype=np.float64)
+
+
+def pose_of(turn: object, shift: object) -> Pose:
+    """Return a pose from what OpenCV gives."""
+    return Pose(np.asarray(turn, dtype=np.float64).ravel(), np.asarray(shift, dtype=np.float64).ravel())
+
+
+STILL = Pose(np.zeros(3), np.zeros(3))
+
+
+def after(first: Pose, second: Pose) -> Pose:
+    """Return the pose of going through `first`, then `second`."""
+    turn, shift = cv2.composeRT(first.turn, first.shift, second.turn, second.shift)[:2]
+    return pose_of(turn, shift)
+
+
+def backwards(pose: Pose) -> Pose:
+    """Return the pose that undoes another."""
+    return Pose(-pose.turn, -pose.rotation.T @ pose.shift)
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,8 +12,7 @@ from tssgeom.address_space import CAMERAS, require_address_space
 from tssgeom.arrays import Points, Vector
 from tssgeom.errors import FitError, ShapeError
 from tssgeom.vision.boards import Board, BoardDetection
-from tssgeom.vision.bundle import LENS, Sighted, fit_all
-from tssgeom.vision.poses import STILL, Pose, after, backwards, pose_of
+from tssgeom.vision.bundle import LENS, STILL, Pose, Sighted, after, backwards, fit_all, pose_of
 from tssgeom.vision.quality import Calibration, quality_of
 
 _FEWEST = 4  # views of a camera

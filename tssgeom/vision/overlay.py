@@ -9,8 +9,7 @@ import numpy as np
 
 from tssgeom.vision.boards import BoardDetection
 from tssgeom.vision.cameras import Camera, project
-from tssgeom.vision.sightings import Sightings
-from tssgeom.vision.views import Located
+from tssgeom.vision.views import Located, Sightings
 
 _WHITE, _UNUSED, _SHADE = (255, 255, 255), (80, 80, 255), (0, 0, 0)
 _MAGNIFIED = 20.0

@@ -8,9 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tssgeom.arrays import Matrix, Points, Vector, read_only
-from tssgeom.vision.bundle import CAMERA, LENS, Fitted, Sighted
+from tssgeom.vision.bundle import CAMERA, LENS, Fitted, Pose, Sighted, after
 from tssgeom.vision.cameras import Camera, eyes, project, sight
-from tssgeom.vision.poses import Pose, after
 from tssgeom.vision.triangulation import triangulate
 
 _FOCAL_SD, _COVERED, _ERROR, _VIEWS = 0.005, 0.4, 1.0, 8  # beyond which a warning is due

@@ -10,7 +10,7 @@ from scipy.ndimage import map_coordinates
 
 from tssgeom.arrays import Vector
 from tssgeom.errors import SettingsError
-from tssgeom.vision.sightings import Sightings, nothing
+from tssgeom.vision.views import Sightings, nothing
 
 _FROM, _TO = 0.12, 0.88  # part of a side that is sampled: blur rounds the corners
 _ALONG = 20  # positions on a side

@@ -14,9 +14,8 @@ from tssgeom.vision.continuity import Off, beginning, followed
 from tssgeom.vision.localisation import Alone, located, refuse_one_camera
 from tssgeom.vision.matching import Matches, matches_of, sure
 from tssgeom.vision.neighbours import reach_of, unopposed
-from tssgeom.vision.sightings import Sightings
 from tssgeom.vision.triangulation import gates, pixel_scale
-from tssgeom.vision.views import Located, ViewSet, nowhere, view_set_of
+from tssgeom.vision.views import Located, Sightings, ViewSet, nowhere, view_set_of
 
 _SAME = 0.22  # of ln radius: spread of one size by lighting, blur and slanted views
 _MOSTLY = 0.7  # of the sure matches that have to agree before size is used

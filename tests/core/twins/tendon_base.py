@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from tests.core.twins.tendon_equilibrium import PULLED, RELEASED, STUCK
+from tests.core.twins.tendon_chain import PULLED, RELEASED, STUCK
 from tests.core.twins.tendon_laws import Memory, Plant, balanced, workspace
 from tests.core.twins.tendon_profile import discretised, exponential
 from tssgeom.core.constants_tendon import BAR

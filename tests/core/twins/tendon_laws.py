@@ -5,7 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tests.core.twins.tendon_equilibrium import Chain, equilibrium, range_of_drive
+from tests.core.twins.tendon_chain import Chain, range_of_drive
+from tests.core.twins.tendon_equilibrium import equilibrium
 from tssgeom.core.constants import ROUNDING
 from tssgeom.core.constants_tendon import BAR, SOLVER
 from tssgeom.core.constants_tendon_rows import HELD, LAW, MEMORY, PLANT

@@ -10,25 +10,28 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from tssgeom.arrays import rows_at
+from tssgeom.arrays import Vector, rows_at
 from tssgeom.identify.finding import Finding, Trace
+from tssgeom.identify.misfit import measured_channels
 from tssgeom.view import colours
 from tssgeom.view import finding_wording as words
 from tssgeom.view.figures.finding import models
 from tssgeom.view.figures.heat_map import bends
-from tssgeom.view.quantities import COUNT
+from tssgeom.view.quantities import COUNT, TENSION_IN
 from tssgeom.view.samples import Ranges
 from tssgeom.view.scene.blueprint import Span, beside_legend, chart, from_zero, space_view
 from tssgeom.view.scene.charts import Axis, Box, Chart, send_axes, send_slip_front, send_tension_chart
 from tssgeom.view.scene.columns import Sender, segments_2d, segments_3d, strips_2d
-from tssgeom.view.scene.finding.lines import column, plotted_channels, send_lines
 from tssgeom.view.scene.finding.replay import Replay, friction_map, replay
 from tssgeom.view.scene.labels import label_positions
 from tssgeom.view.scene.space import label_texts, send_joints, send_labels, send_piece_names, send_scale_bar
 from tssgeom.view.scene.writer import recording_file
 
-TENSION_BOX = MISFIT_BOX = Box(width=1.9, text=0.1)
+BOX = Box(width=1.9, text=0.1)
 _ROUTE = ("route", "joints", "labels", "scale")
+_MOST_CHANNELS = 3
+_SIGMAS = 2.0
+_COLOURS = {"measured": colours.MEASURED, "before": colours.BEFORE, "after": colours.AFTER}
 _LARGER = 2.0  # text beside the route, in views that are lower than one alone
 
 
@@ -51,8 +54,8 @@ def write_finding_recording(path: Path, finding: Finding) -> None:
         _send_route(runs, moments, displayed)
         _send_misfit(runs, finding, displayed)
         _send_charts(runs, moments, finding, displayed)
-        send_lines(samples, finding)
-        send_words(runs, finding)
+        _send_lines(samples, finding)
+        _send_words(runs, finding)
 
 
 def _send_route(runs: Sender, moments: Sender, displayed: Replay) -> None:
@@ -104,21 +107,21 @@ def _send_charts(runs: Sender, moments: Sender, finding: Finding, displayed: Rep
     pieces = [stretch.arcs for stretch in displayed.stretches for _ in stretch.rows]
     limits = Ranges(displayed.tension, displayed.length, 1.0)
     send_piece_names(runs, pieces)
-    send_tension_chart(moments, frames, pieces, limits, TENSION_BOX)
+    send_tension_chart(moments, frames, pieces, limits, BOX)
     fronts = [front for stretch in displayed.stretches for front in stretch.fronts()]
-    send_slip_front(moments, frames, fronts, limits, TENSION_BOX)
-    send_misfit_chart(runs, displayed, bends(finding.effects), MISFIT_BOX)
+    send_slip_front(moments, frames, fronts, limits, BOX)
+    _send_misfit_chart(runs, displayed, bends(finding.effects))
 
 
 _STEPS = 48
 
 
-def send_misfit_chart(runs: Sender, displayed: Replay, bends_m: Sequence[float], box: Box) -> None:
+def _send_misfit_chart(runs: Sender, displayed: Replay, bends_m: Sequence[float]) -> None:
     """Draw what is missing with its standard error, in its own colours; what is too much lies at the foot.
 
     Upright lines stand where bends were detected, `bends_m`.
     """
-    chart = Chart(Axis(1e3 * displayed.length, "mm"), Axis(displayed.misfit, ""), box)
+    chart = Chart(Axis(1e3 * displayed.length, "mm"), Axis(displayed.misfit, ""), BOX)
     send_axes(runs, "missing", chart)
     if bends_m:
         uprights = [chart.position(1e3 * at, np.array([0.0, displayed.misfit])) for at in bends_m]
@@ -163,7 +166,7 @@ def _send_colour_bar(runs: Sender, chart: Chart, top: float) -> None:
     runs.constant("missing/colour_bar", bar)
 
 
-def send_words(runs: Sender, finding: Finding) -> None:
+def _send_words(runs: Sender, finding: Finding) -> None:
     """Send the verdict for all time, and for each run what it is and what its channels leave."""
     verdict = rr.TextDocument(verdict_words(finding), media_type=rr.MediaType.MARKDOWN)
     runs.constant("summary", verdict)
@@ -214,8 +217,8 @@ def blueprint(finding: Finding, displayed: Replay) -> rrb.Blueprint:
         space_view(along, displayed.camera, ["blame"]),
     )
     charts = rrb.Horizontal(
-        chart("tension", "Tension T [N] against arc length s [mm]", TENSION_BOX),
-        chart("missing", f"{charted} against s [mm]", MISFIT_BOX),
+        chart("tension", "Tension T [N] against arc length s [mm]", BOX),
+        chart("missing", f"{charted} against s [mm]", BOX),
     )
     text = rrb.Horizontal(
         rrb.TextDocumentView(origin="summary", name="What is missing"),
@@ -236,7 +239,7 @@ def blueprint(finding: Finding, displayed: Replay) -> rrb.Blueprint:
 
 def _plots(finding: Finding, tension: float) -> list[rrb.TimeSeriesView]:
     """Arrange the channel with the largest misfit, and below it what is left of each channel."""
-    channels = [(name, words.channel(name)) for name in plotted_channels(finding)]
+    channels = [(name, words.channel(name)) for name in _plotted_channels(finding)]
     name, widest = channels[0]
     most = max(float(np.nanmax(each.measured.get(name, 0.0), initial=0.0)) for each in finding.traces)
     top = max(tension, most) if widest.unit == "N" else None
@@ -258,8 +261,8 @@ def _plots(finding: Finding, tension: float) -> list[rrb.TimeSeriesView]:
 
 def _of_residuals(finding: Finding, name: str, factor: float) -> rrb.ScalarAxis:
     """Return an axis that the residuals fill; where the noise is larger for a moment, its band leaves it."""
-    measured, sigma = (column(finding.traces, when, name) for when in ("measured", "sigma"))
-    left = [np.abs(measured - column(finding.traces, when, name)) for when in models(finding)]
+    measured, sigma = (_column(finding.traces, when, name) for when in ("measured", "sigma"))
+    left = [np.abs(measured - _column(finding.traces, when, name)) for when in models(finding)]
     most = factor * max(2.0 * float(np.nanmedian(sigma)), float(np.nanmax(left)))
     return rrb.ScalarAxis(range=(-1.1 * most, 1.1 * most))
 
@@ -270,3 +273,53 @@ def _plot(
     corner = rrb.PlotLegend(corner=rrb.Corner2D.LeftTop, visible=legend)
     across = beside_legend(span, COUNT)
     return rrb.TimeSeriesView(origin=origin, name=title, plot_legend=corner, axis_x=across, axis_y=axis)
+
+
+def _plotted_channels(finding: Finding) -> list[str]:
+    """Return the channels that are plotted, the one with the largest misfit before first."""
+    misfit = finding.misfit
+    reported = misfit.before[words.judged_runs(misfit)]
+    known = [name for name in measured_channels(finding.traces) if name in reported]
+    return sorted(known, key=lambda name: -reported[name] / misfit.noise[name])[:_MOST_CHANNELS]
+
+
+def _send_lines(samples: Sender, finding: Finding) -> None:
+    """Send the channel with the largest misfit, what is left of each, and the proximal tension."""
+    traces = finding.traces
+    pull = np.concatenate([trace.tension_in for trace in traces])
+    _line(samples, "series/tension_in", "T_in of the model [N]", TENSION_IN.rgb, pull)
+    channels = _plotted_channels(finding)
+    for order, when in enumerate(("measured", *models(finding))):
+        values = words.channel(channels[0]).factor * _column(traces, when, channels[0])
+        _line(samples, f"channel/line_{order}", when, _COLOURS[when], values, 3.0 if order == 0 else 1.5)
+    for name in channels:
+        _send_left(samples, finding, name)
+
+
+def _send_left(samples: Sender, finding: Finding, name: str) -> None:
+    """Send measured less simulated, in the order in which the lines are drawn."""
+    traces, factor = finding.traces, words.channel(name).factor
+    spread = _SIGMAS * factor * _column(traces, "sigma", name)
+    _line(samples, f"left/{name}/line_0", "− 2σ of the sensors", colours.AXIS, -spread, 1.0)
+    _line(samples, f"left/{name}/line_1", "+ 2σ of the sensors", colours.AXIS, spread, 1.0)
+    for order, when in enumerate(models(finding), start=2):
+        left = factor * (_column(traces, "measured", name) - _column(traces, when, name))
+        _line(samples, f"left/{name}/line_{order}", when, _COLOURS[when], left, 1.5)
+
+
+def _column(traces: Sequence[Trace], when: str, name: str) -> Vector:
+    """Return a channel over the samples of all runs [SI], NaN where a run lacks it."""
+    parts = [getattr(trace, when).get(name, np.full(len(trace.time), np.nan)) for trace in traces]
+    return np.concatenate(parts)
+
+
+def _line(
+    samples: Sender,
+    entity: str,
+    name: str,
+    colour: tuple[int, int, int],
+    values: Vector,
+    width: float = 2.0,
+) -> None:
+    samples.constant(entity, rr.SeriesLines(names=name, colors=[colour], widths=[width]))
+    samples.send(entity, rr.Scalars.columns(scalars=np.asarray(values, dtype=np.float64)))
