@@ -49,6 +49,7 @@ from benchmarks.run_laws import (
 from benchmarks.run_machines import Discovered, discovered
 from benchmarks.run_machines import predictions as ours
 from tssgeom.arrays import Matrix, Vector
+from tssgeom.io.results.tables import plain_name
 from tssgeom.statistics import NORMAL_95
 
 _UNITS = {"rad": ("°", 180.0 / math.pi), "m": ("mm", 1e3), "N": ("N", 1.0)}
@@ -110,7 +111,7 @@ def _errors(cases: Sequence[Case], fits: Fits, *, markdown: bool) -> str:
             unit, scale = _unit_of(column)
             own = fits[case.name, column]
             signal = float(np.std(case.columns[column][case.held_out]))
-            row = [case.name, f"{_title(column)} [{unit}]", number(scale * signal)]
+            row = [case.name, f"{plain_name(column)} [{unit}]", number(scale * signal)]
             row.append(number(scale * mean_cycle_error(case, column)))
             for name in methods:
                 known = name in own
@@ -128,7 +129,7 @@ def _discoveries(cases: Sequence[Case], fits: Fits, made: Mapping[str, Discovere
         for response in case.responses:
             column = response.column
             unit, scale = _unit_of(column)
-            row = [case.name, f"{_title(column)} [{unit}]"]
+            row = [case.name, f"{plain_name(column)} [{unit}]"]
             peers = {
                 name: rms(case, column, fits[case.name, column][name], case.held_out)
                 for name in LAWS
@@ -150,10 +151,6 @@ def _discoveries(cases: Sequence[Case], fits: Fits, made: Mapping[str, Discovere
     return table(header, rows, text_columns=2, markdown=markdown)
 
 
-def _title(column: str) -> str:
-    return column.rpartition("_")[0].replace("_", " ")
-
-
 def _parameters(cases: Sequence[Case], fits: Fits, *, markdown: bool) -> str:
     rows = []
     for case in cases:
@@ -162,7 +159,7 @@ def _parameters(cases: Sequence[Case], fits: Fits, *, markdown: bool) -> str:
                 _, scale = _unit_of(response.column)
                 fitted = number(scale * rms(case, response.column, one, case.fitted))
                 texts = ", ".join(_written(each, response) for each in one.parameters if each.value != 0.0)
-                rows.append([case.name, _title(response.column), name, fitted, texts])
+                rows.append([case.name, plain_name(response.column), name, fitted, texts])
     header = ["parameters ± half of 95 %", "response", "method", "rms fitted", ""]
     return table(header, rows, text_columns=5, markdown=markdown)
 

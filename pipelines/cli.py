@@ -132,7 +132,7 @@ def _leave(status: int) -> None:
 def _status(arguments: Sequence[str] | None) -> int:
     words = list(sys.argv[1:] if arguments is None else arguments)
     if "" in words:
-        return _failed("an argument is empty: is a variable of the shell not set?", 2)
+        return _failed("an argument is empty: is a variable of the shell not set?")
     try:
         status = 0
         with whose_reader_may_leave():
@@ -141,7 +141,7 @@ def _status(arguments: Sequence[str] | None) -> int:
             sys.stdout.flush()
         return status
     except typer.TyperException as error:
-        return _failed(f"{error.format_message().rstrip('.')}: see tssgeom --help", 2) if str(error) else 2
+        return _failed(f"{error.format_message().rstrip('.')}: see tssgeom --help") if str(error) else 2
     except Exception as error:
         return _expected(error)
     finally:
@@ -168,9 +168,9 @@ def _expected(error: Exception) -> int:
         error = SettingsError("a name or an argument is not UTF-8, and goes into a file: give another one")
     if not isinstance(error, TssgeomError):
         raise error
-    return _failed(str(error), 2)
+    return _failed(str(error))
 
 
-def _failed(text: str, status: int) -> int:
+def _failed(text: str) -> int:
     print_message(" ".join(text.split()))
-    return status
+    return 2

@@ -28,6 +28,7 @@ from tssgeom.errors import (
 )
 from tssgeom.io.formats.files import Recording, find_inputs, open_recording, output_names, real
 from tssgeom.io.formats.laboratory.mapping import NO_MAP, ColumnMap
+from tssgeom.io.formats.paths import size_of
 from tssgeom.io.results.shapes import Analysis, frame_row, relative
 from tssgeom.mechanism import Drive, End
 from tssgeom.plausibility.frames import rig_remarks
@@ -211,7 +212,7 @@ def analysis_of(
     """
     recording = opened(path, settings)
     running = RunningSummary.of(recording.frame_count, settings.at)
-    share = _size(path) / max(recording.frame_count, 1)
+    share = size_of(path) / max(recording.frame_count, 1)
     processed = first_pulls if settings.geometry_only else recorded
     for item in processed(recording.frames, settings.rig, tension_in=settings.tension_in):
         running.add(item, frame_row(item))
@@ -293,7 +294,7 @@ def each_analysis(
     """
     tally = Tally()
     names = output_names([item for item in inputs if isinstance(item, Path)])
-    total = sum(_size(item) for item in inputs if isinstance(item, Path))
+    total = sum(size_of(item) for item in inputs if isinstance(item, Path))
     with sized_progress(len(inputs), total, quiet=quiet) as progress:
         for item in inputs:
             if isinstance(item, Refusal):
@@ -301,13 +302,8 @@ def each_analysis(
             else:
                 work = partial(analysis_of, names[item], item, settings, progress.advance)
                 frames = _count(tally, item, attempt(item, work), finish)
-                progress.end(str(item), frames, _size(item))
+                progress.end(str(item), frames, size_of(item))
     return tally
-
-
-def _size(path: Path) -> int:
-    """Size of a file [B]; 0 where there is none, which its reader reports."""
-    return path.stat().st_size if path.is_file() else 0
 
 
 def _count(tally: Tally, path: Path, outcome: Analysis | Refusal, finish: Callable[[Analysis], None]) -> int:

@@ -72,7 +72,7 @@ def without_lines_of_libraries() -> Iterator[None]:
     with open(os.devnull, "wb") as nowhere, open(own, "w", 1, before.encoding, before.errors) as errors:
         before.flush()
         os.dup2(nowhere.fileno(), 2)
-        if _is_of(before, 2):
+        if _is_standard_error(before):
             sys.stderr = errors
         try:
             yield
@@ -82,9 +82,9 @@ def without_lines_of_libraries() -> Iterator[None]:
             os.dup2(own, 2)
 
 
-def _is_of(stream: TextIO, number: int) -> bool:
+def _is_standard_error(stream: TextIO) -> bool:
     with suppress(OSError, ValueError):
-        return stream.fileno() == number
+        return stream.fileno() == 2
     return False
 
 

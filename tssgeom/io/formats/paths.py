@@ -96,6 +96,11 @@ def require_lines(path: Path, raw: bytes) -> bytes:
     return raw
 
 
+def size_of(path: Path) -> int:
+    """Return the size of a file [B]; 0 where there is none, which its reader reports."""
+    return path.stat().st_size if path.is_file() else 0
+
+
 class Stamp(NamedTuple):
     """What changes where a file is written anew."""
 

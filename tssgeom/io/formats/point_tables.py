@@ -18,7 +18,7 @@ from tssgeom.io.formats.laboratory.polar import has_size
 from tssgeom.io.formats.laboratory.table import laboratory_table
 from tssgeom.io.formats.laboratory.wide import point_columns
 from tssgeom.io.formats.longform import MOST_AT_ONCE, LongFrames, Rows, lowest_point, runs_of
-from tssgeom.io.formats.paths import PACKED, bytes_of, ending, reading, require_lines, split, stem
+from tssgeom.io.formats.paths import PACKED, bytes_of, ending, reading, require_lines, size_of, split, stem
 from tssgeom.io.formats.recording import Recording
 from tssgeom.io.formats.tables import (
     NO_ROW,
@@ -91,7 +91,7 @@ def is_plain(names: Sequence[str], unit: str | None, said: Collection[str]) -> b
 
 
 def _open_csv(path: Path, names: list[str], unit: str | None) -> Recording:
-    if _size(path) > MOST_AT_ONCE:
+    if size_of(path) > MOST_AT_ONCE:
         from tssgeom.io.formats.blocks import csv_blocks, open_large
 
         return open_large(path, "csv", csv_blocks(path, names, unit))
@@ -106,7 +106,7 @@ def _open_csv(path: Path, names: list[str], unit: str | None) -> Recording:
 
 def _open_parquet(path: Path, names: list[str], unit: str | None) -> Recording:
     with parquet_file(path) as file:
-        size = max(_size(path), parquet_size(file, columns_of(path, names, unit).names))
+        size = max(size_of(path), parquet_size(file, columns_of(path, names, unit).names))
     if size <= MOST_AT_ONCE:
         return _recording(path, "parquet", read_parquet(path, unit))
     from tssgeom.io.formats.blocks import open_large, parquet_blocks
@@ -133,10 +133,6 @@ def _open_laboratory(path: Path, unit: str | None, said: ColumnMap, *, clean: bo
     recording = _recording(path, ending(path).removesuffix(PACKED)[1:], table, read.names)
     warnings = (*recording.warnings, *read.warnings)
     return replace(recording, warnings=warnings, notes=(*read.notes, *recording.notes))
-
-
-def _size(path: Path) -> int:
-    return path.stat().st_size if path.is_file() else 0
 
 
 def _recording(path: Path, kind: str, table: Table, names: Mapping[str, str] | None = None) -> Recording:

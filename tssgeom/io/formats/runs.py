@@ -150,21 +150,20 @@ def _unknown(unread: Sequence[str], warnings: Sequence[str]) -> Iterator[str]:
         yield f"not read: {listed(unknown)}; --map states what a column is"
 
 
-def run_of_columns(columns: Mapping[str, Any], name: str = "run") -> MeasuredRun:
+def run_of_columns(columns: Mapping[str, Any]) -> MeasuredRun:
     """Take a run from columns by their names, as `read_run` takes it from a file.
 
     Parameters
     ----------
     columns
         `time_s` and channels, [n] each; columns of other names are left out.
-    name
-        Name of the run, for errors and titles.
 
     Raises
     ------
     SettingsError
         Where a column is missing, is no list of numbers or of another length, or time does not increase.
     """
+    name = "run"
     path = Path(name)
     if TIME not in columns:
         raise SettingsError(f"{name}: no column {TIME}: known are {_KNOWN}")

@@ -130,7 +130,7 @@ def figure_6() -> Figure:
         transmission.plot(tension_in, b.tension_out, color=ORANGE, linewidth=1.2, label="B: loop first")
         elongation.plot(tension_in, 1e3 * a.elongation, color=BLUE)
         elongation.plot(tension_in, 1e3 * b.elongation, color=ORANGE)
-        _bracket(elongation, 1e3 * b.elongation.max(), 1e3 * a.elongation.max(), "0.34 mm")
+        _bracket(elongation, 1e3 * b.elongation.max(), 1e3 * a.elongation.max())
         transmission.legend(loc="lower right")
         titles(transmission, "(a) Transmission, Φ = 3π in both", _T_IN, _T_OUT)
         titles(elongation, "(b) Elongation", _T_IN, _DELTA)
@@ -210,7 +210,7 @@ def _point_at(axes: Axes, text: str, target: tuple[float, float], position: tupl
     axes.annotate(text, target, position, color=ORANGE, fontsize=7.5, arrowprops=arrow)
 
 
-def _bracket(axes: Axes, low: float, high: float, text: str) -> None:
+def _bracket(axes: Axes, low: float, high: float) -> None:
     x = paper.PEAK + 0.35
     axes.annotate(
         "",
@@ -218,7 +218,7 @@ def _bracket(axes: Axes, low: float, high: float, text: str) -> None:
         (x, high),
         arrowprops={"arrowstyle": "|-|,widthA=0.25,widthB=0.25", "color": INK, "linewidth": 0.9},
     )
-    note(axes, text, (x + 0.2, 0.5 * (low + high)), color=INK)
+    note(axes, "0.34 mm", (x + 0.2, 0.5 * (low + high)), color=INK)
     axes.set_xlim(0, paper.PEAK + 2.9)
 
 

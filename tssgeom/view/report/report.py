@@ -200,17 +200,13 @@ def row(entry: ReportEntry, *, linked: bool = True) -> str:
             ),
             (result.sensed_noise, html.escape(words.noise(result))),
             (len(entry.warnings), _warned(len(entry.warnings))),
-            (entry.name, _link_to(quote(entry.recording), "recording") if entry.recording else "–"),
+            (entry.name, f'<a href="{quote(entry.recording)}">recording</a>' if entry.recording else "–"),
         ]
     )
 
 
 def _text(text: str) -> str:
     return with_subscripts(html.escape(text))
-
-
-def _link_to(address: str, text: str) -> str:
-    return f'<a href="{address}">{text}</a>'
 
 
 def _warned(count: int) -> str:

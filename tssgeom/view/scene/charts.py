@@ -120,7 +120,7 @@ def send_tension_chart(
     )
     sender.constant("tension/curve", _style(radii=rr.Radius.ui_points(2.5), draw_order=20))
     sender.send("tension/curve", columns, [len(line) - 1 for line in lines])
-    _send_piece_strip(sender, "tension/pieces", chart, pieces)
+    _send_piece_strip(sender, chart, pieces)
 
 
 def send_curvature_chart(
@@ -167,10 +167,10 @@ def _send_staircase(sender: Sender, chart: Chart, pieces: Sequence[Arcs]) -> Non
     _send_piece_lines(sender, "curvature/pieces", corners.reshape(-1, 2, 2), pieces)
 
 
-def _send_piece_strip(sender: Sender, entity: str, chart: Chart, pieces: Sequence[Arcs]) -> None:
+def _send_piece_strip(sender: Sender, chart: Chart, pieces: Sequence[Arcs]) -> None:
     """Show the pieces by their colours along the foot of a chart."""
     along = np.concatenate([staircase(arcs)[0] for arcs in pieces])
-    _send_piece_lines(sender, entity, chart.position(1e3 * along, 0.0).reshape(-1, 2, 2), pieces)
+    _send_piece_lines(sender, "tension/pieces", chart.position(1e3 * along, 0.0).reshape(-1, 2, 2), pieces)
 
 
 def _send_piece_lines(sender: Sender, entity: str, strips: Vector, pieces: Sequence[Arcs]) -> None:

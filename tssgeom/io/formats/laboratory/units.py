@@ -1,7 +1,7 @@
 """Units of laboratory files, as factors to SI.
 
 Cited: the SI brochure (9th edition) for prefixes; NIST SP 811, appendix B, for inch, foot, pound-force,
-ounce-force and kilogram-force (standard gravity 9.80665 m/s², international pound 0.45359237 kg).
+ounce-force and kilogram-force (international pound 0.45359237 kg).
 """
 
 from __future__ import annotations
@@ -11,10 +11,11 @@ import re
 import unicodedata
 from typing import NamedTuple
 
+from tssgeom.plausibility.limits import STANDARD_GRAVITY
+
 FORCE, LENGTH, TIME, TEMPERATURE, ANGLE, CURVATURE, TORQUE, CURRENT = (
     *("force", "length", "time", "temperature", "angle", "curvature", "torque", "current"),
 )
-_GRAVITY = 9.80665
 _POUND = 0.45359237
 _INCH = 0.0254
 
@@ -42,10 +43,10 @@ _SPELLED: dict[str, dict[str, float]] = {
         "cN": 1e-2,
         "daN": 10.0,
         "kN": 1e3,
-        "kgf kp kg": _GRAVITY,
-        "gf g gram grams p": _GRAVITY * 1e-3,
-        "lbf lb lbs pound pounds": _POUND * _GRAVITY,
-        "ozf oz": _POUND * _GRAVITY / 16,
+        "kgf kp kg": STANDARD_GRAVITY,
+        "gf g gram grams p": STANDARD_GRAVITY * 1e-3,
+        "lbf lb lbs pound pounds": _POUND * STANDARD_GRAVITY,
+        "ozf oz": _POUND * STANDARD_GRAVITY / 16,
     },
     LENGTH: {
         "m metre meter metres meters": 1.0,
@@ -72,8 +73,8 @@ _SPELLED: dict[str, dict[str, float]] = {
         "mNm mN·m mN*m": 1e-3,
         "Ncm N·cm": 1e-2,
         "Nmm N·mm": 1e-3,
-        "lbf·in lbf*in lbfin": _POUND * _GRAVITY * _INCH,
-        "ozf·in ozf*in ozfin": _POUND * _GRAVITY * _INCH / 16,
+        "lbf·in lbf*in lbfin": _POUND * STANDARD_GRAVITY * _INCH,
+        "ozf·in ozf*in ozfin": _POUND * STANDARD_GRAVITY * _INCH / 16,
     },
     CURRENT: {"A ampere ampère amps": 1.0, "mA": 1e-3},
     TEMPERATURE: {"C °C degC celsius": 1.0},
