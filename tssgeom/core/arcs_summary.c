@@ -58,7 +58,7 @@ static int64_t unidentifiable_of(
     for (int64_t j = 0; j < k; j++) {
         double se = sqrt(most(covariance[(k + j) * 2 * k + k + j], 0.0));
         int few = length[j] < IDENTIFIABLE.few_points * spacing;
-        double limit = few ? error : most(error, IDENTIFIABLE.largest_se);
+        double limit = few ? error : most(error, CHAIN_PARAMETERS.half_turn);
         if (!(se < limit)) worst = j, error = se;
     }
     return k > 1 ? worst : -1;

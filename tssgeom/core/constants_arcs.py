@@ -1,5 +1,6 @@
 """Tuned numbers of chains of arcs: how they are fitted, searched, and judged."""
 
+import math
 from typing import NamedTuple
 
 
@@ -87,9 +88,11 @@ class ChainParameters(NamedTuple):
     joint: float
     """Numbers of another joint, its position and the curvature vector behind it [1]. A simpler chain that
     promises to raise the criterion by no more than their price is still tried."""
+    half_turn: float
+    """Standard error of an angle from which on its direction is unknown [rad]."""
 
 
-CHAIN_PARAMETERS = ChainParameters(joint=3.0)
+CHAIN_PARAMETERS = ChainParameters(joint=3.0, half_turn=math.pi)
 
 
 class IdentifiableBend(NamedTuple):
@@ -97,10 +100,9 @@ class IdentifiableBend(NamedTuple):
 
     few_points: float = 3.0
     """Length below which a piece holds few points; corners so near are one [spacings]. Chosen."""
-    largest_se: float = 3.0
-    """Standard error of the angle of any piece from which on it is dropped [rad]. Chosen: half a turn."""
     largest_se_short: float = 0.3
-    """The same of a short piece [rad]. Chosen."""
+    """Standard error of the angle of a short piece from which on it is dropped [rad]; for any other it is
+    half a turn. Chosen."""
 
 
 IDENTIFIABLE = IdentifiableBend()

@@ -16,8 +16,6 @@ class OutlierLimits(NamedTuple):
     """The same at the first and last point, which have neighbours on one side only [1]; chosen."""
     bend_share_next_to_end: float = 1.0
     """The same one point farther in [1]; chosen."""
-    sharpest: float = 1.0
-    """Greatest turn from point to point in this test [rad]; chosen: a sharper one comes from an outlier."""
     neighbours: int = 3
     """Points on either side among which only the worst becomes an outlier at once [1]; chosen."""
     turn_share: float = 0.5
@@ -49,10 +47,6 @@ class RawOutlierLimits(NamedTuple):
     """Factor by which a leap longer than the way that shows the direction counts less at most [1]. Chosen."""
     end_improvement: float = 0.3
     """Residual without the outlier over that with it, at most [1]. Chosen."""
-    uneven: float = 4.0
-    """Steps by which unevenly spaced points may be off along the route, either way: before a fit, from known
-    stations on a chain, and by noise before corners are sought; and points apart in the sequence up to which
-    they may be near each other [1]. Chosen."""
     extrapolated_from: int = 6
     """Points whose line is extrapolated beyond an end. Chosen."""
     fewest: int = 8
@@ -100,12 +94,14 @@ ORDERING = OrderingLimits()
 
 
 class SpacingRule(NamedTuple):
-    """Which spacing of the points bounds the length of a piece, where points crowd in a part of a route."""
+    """How unevenly points may lie along a route, and which spacing bounds the length of a piece there."""
 
     crowd_quantile: float = 0.3
     """Quantile of the steps that represents the denser part [1]. Chosen."""
-    most_over_crowd: float = 4.0
-    """Most times that step which the mean spacing may count as [1]. Chosen."""
+    uneven: float = 4.0
+    """Steps by which points may be off along the route, either way: before a fit, from known stations on a
+    chain, and by noise before corners are sought; points apart in the sequence up to which they may be near
+    each other; and most times the step of the denser part which the mean spacing may count as [1]. Chosen."""
 
 
 SPACING = SpacingRule()
@@ -115,7 +111,8 @@ class SplinePrior(NamedTuple):
     """What the prior of a smooth route may follow. Lengths in spacings of the points."""
 
     sharpest: float = 1.5
-    """Greatest turn from point to point that the prior follows [rad]; chosen."""
+    """Greatest turn from point to point that the prior follows, and by which a residual is judged: a sharper
+    one comes from an outlier [rad]; chosen."""
     change: float = 0.5
     """Greatest relative change of curvature, or turn of its plane [rad], from point to point; chosen."""
     rounding: float = 1e-6

@@ -75,7 +75,7 @@ double tss_spacing_of_pieces(int64_t n, const double points[n][3], double length
     if (n < 2) return NAN;
     for (int64_t i = 0; i + 1 < n; i++) work[i] = distance3(points[i + 1], points[i]);
     double crowded = quantile_of(n - 1, work, (int64_t)(SPACING.crowd_quantile * (double)(n - 1)));
-    return least(length / (double)n, SPACING.most_over_crowd * crowded);
+    return least(length / (double)n, SPACING.uneven * crowded);
 }
 
 void tss_against_stations(

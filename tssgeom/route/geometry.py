@@ -14,7 +14,7 @@ import numpy as np
 
 from tssgeom import core
 from tssgeom.core.constants_arcs import CHAIN_MOVES
-from tssgeom.core.constants_route import RAW
+from tssgeom.core.constants_route import SPACING
 from tssgeom.errors import FitError
 from tssgeom.route.arcs.chain import Chain, Data, fit_fixed_pieces, unfitted
 from tssgeom.route.arcs.corners import cornered
@@ -212,7 +212,7 @@ def _first_guesses(data: Data, smooth: RouteFit) -> Iterator[tuple[Data, Chain]]
     """First guesses of a chain: the pieces of the smooth fit, and where that is uncertain, corners."""
     yield data, first_chain(data, smooth)
     sure = smooth.arcs.total_angle_se <= START.uncertain_angle * smooth.arcs.total_angle
-    if not sure or smooth.noise > RAW.uneven * data.spacing:
+    if not sure or smooth.noise > SPACING.uneven * data.spacing:
         guess = cornered(data, smooth.route)
         if guess is not None:
             yield guess

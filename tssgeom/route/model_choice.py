@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tssgeom.arrays import Vector, rows_at
-from tssgeom.core.constants_route import RAW
+from tssgeom.core.constants_route import SPACING
 from tssgeom.route.arcs.chain import Chain, Data, noise_variance, squared_distances, tangent_count
 from tssgeom.route.arcs.moves import saved_by_slopes
 from tssgeom.route.arcs.outliers import squared_tangent_residuals
@@ -246,6 +246,6 @@ def _parameters(data: Data, chain: Chain) -> int:
 
 def _lost_along(data: Data, chain: Chain, across: float) -> bool:
     """Whether points are far from their stations though near the chain, as where a route turns back."""
-    limit = RAW.uneven**2 * float(data.weight.sum()) * data.spacing**2
+    limit = SPACING.uneven**2 * float(data.weight.sum()) * data.spacing**2
     lost = chain.cost - across > limit
-    return not data.free and lost and chain.cost > RAW.uneven**2 * across
+    return not data.free and lost and chain.cost > SPACING.uneven**2 * across

@@ -11,7 +11,7 @@ import numpy as np
 from tssgeom import core
 from tssgeom.arrays import Points, Vector, read_only
 from tssgeom.core.constants import CHANCE, ROUNDING
-from tssgeom.core.constants_route import ORDERING, POINTS, RAW
+from tssgeom.core.constants_route import ORDERING, POINTS, RAW, SPACING
 from tssgeom.errors import ShapeError
 from tssgeom.route.directions import checked_directions, listed
 from tssgeom.route.outliers import raw_outliers
@@ -230,7 +230,7 @@ def _typical_to_nearest(points: Points) -> float:
 def _passed_elsewhere(points: Points, index: int, radius: float) -> bool:
     """Whether a point far off in the sequence lies within `radius` [m] of this one."""
     near = np.flatnonzero(np.linalg.norm(points - points[index], axis=1) <= radius)
-    return bool((np.abs(near - index) > RAW.uneven).any())
+    return bool((np.abs(near - index) > SPACING.uneven).any())
 
 
 def _usable(points: Points, known: Vector | None) -> tuple[np.ndarray, tuple[str, ...]]:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from tssgeom import core
 from tssgeom.arrays import Points, read_only
 from tssgeom.core.constants import CHANCE
-from tssgeom.core.constants_route import OUTLIERS, RAW
+from tssgeom.core.constants_route import OUTLIERS, RAW, SPACING
 from tssgeom.route.route import step_lengths
 
 
@@ -71,7 +71,7 @@ def _unmark_ends(points: Points, mark: np.ndarray) -> None:
         apart = p[: kept[0]] - start - np.arange(kept[0])[:, None] * slope
         along = apart @ slope / (step + 1e-300)
         aside = np.sqrt(np.maximum(np.einsum("ij,ij->i", apart, apart) - along**2, 0.0))
-        off[: kept[0]] &= (aside > step) | (np.abs(along) > RAW.uneven * step)
+        off[: kept[0]] &= (aside > step) | (np.abs(along) > SPACING.uneven * step)
 
 
 def _unmark_behind_missing(points: Points, count: NDArray[np.int64], mark: np.ndarray) -> None:

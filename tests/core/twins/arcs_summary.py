@@ -14,7 +14,7 @@ from tests.core.twins.arcs_fit import (
     schur_complement,
 )
 from tssgeom.core.constants import CHANCE, ROUNDING
-from tssgeom.core.constants_arcs import CHAIN_MOVES, IDENTIFIABLE
+from tssgeom.core.constants_arcs import CHAIN_MOVES, CHAIN_PARAMETERS, IDENTIFIABLE
 from tssgeom.route.arcs.chain import first_joint_column, noise_variance, piece_length, value_count
 from tssgeom.statistics import information_price
 
@@ -159,7 +159,7 @@ def unidentifiable(length, covariance, spacing):
     for j in range(k):
         variance = covariance[k + j, k + j]
         short = length[j] < IDENTIFIABLE.few_points * spacing
-        least = error if short else max(error, IDENTIFIABLE.largest_se)
+        least = error if short else max(error, CHAIN_PARAMETERS.half_turn)
         if not math.sqrt(max(variance, 0.0)) < least:
             worst, error = j, math.sqrt(max(variance, 0.0))
     return worst if k > 1 else -1

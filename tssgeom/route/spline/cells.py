@@ -44,9 +44,7 @@ def clustered(points: Points, noise: float) -> bool:
     """
     steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
     usual = np.median(steps)
-    return bool(
-        noise > CELLS.quiet * usual and np.mean(SPACING.most_over_crowd * steps < usual) > OUTLIERS.share
-    )
+    return bool(noise > CELLS.quiet * usual and np.mean(SPACING.uneven * steps < usual) > OUTLIERS.share)
 
 
 def correlation_of_innovations(problem: Problem, solution: Solution) -> float:
