@@ -16,6 +16,8 @@ class OutlierLimits(NamedTuple):
     """The same at the first and last point, which have neighbours on one side only [1]; chosen."""
     bend_share_next_to_end: float = 1.0
     """The same one point farther in [1]; chosen."""
+    sharpest: float = 1.0
+    """Greatest turn from point to point in this test [rad]; chosen: a sharper one comes from an outlier."""
     neighbours: int = 3
     """Points on either side among which only the worst becomes an outlier at once [1]; chosen."""
     turn_share: float = 0.5
@@ -111,8 +113,7 @@ class SplinePrior(NamedTuple):
     """What the prior of a smooth route may follow. Lengths in spacings of the points."""
 
     sharpest: float = 1.5
-    """Greatest turn from point to point that the prior follows, and by which a residual is judged: a sharper
-    one comes from an outlier [rad]; chosen."""
+    """Greatest turn from point to point that the prior follows [rad]; chosen."""
     change: float = 0.5
     """Greatest relative change of curvature, or turn of its plane [rad], from point to point; chosen."""
     rounding: float = 1e-6

@@ -35,7 +35,7 @@ int64_t tss_outlying_points(
     }
     double robust = squared(median_of(used, sizes) / MEDIANS.length_2);
     double limit = sqrt(outlier_limit(n, residual_variance(variance, robust, 1.0))); /* docs/model.md (29) */
-    sharpest = least(sqrt(sharpest), PRIOR.sharpest);
+    sharpest = least(sqrt(sharpest), OUTLIERS.sharpest);
     for (int64_t i = 0; i < n; i++) {
         outlier[i] = 0;
         if (size[i] <= limit) continue;

@@ -10,7 +10,7 @@ from tests.core.twins.arcs_fit import outlier_limit, residual_variance
 from tests.core.twins.raw_outliers import worst_outlier
 from tests.core.twins.statistics import median
 from tssgeom.core.constants import MEDIANS
-from tssgeom.core.constants_route import ORDERING, OUTLIERS, POINTS, PRIOR, SPACING
+from tssgeom.core.constants_route import ORDERING, OUTLIERS, POINTS, SPACING
 
 MIN_POINTS = 4
 
@@ -165,7 +165,7 @@ def outlying_points(
         used += 1
     robust = (median(sizes[:used]) / MEDIANS.length_2) ** 2
     limit = math.sqrt(outlier_limit(n, residual_variance(variance, robust, 1.0)))
-    sharpest = min(math.sqrt(sharpest), PRIOR.sharpest)
+    sharpest = min(math.sqrt(sharpest), OUTLIERS.sharpest)
     outlier, count = np.zeros(n, dtype=np.bool_), 0
     for i in range(n):
         if size[i] <= limit:
