@@ -117,7 +117,8 @@ def parted(tables: dict[str, Any]) -> tuple[dict[str, Any], tuple[Uncertain, ...
 
 def assumed(key: str, value: float, sd: float) -> Prior:
     """Return the prior of a number that is known with a standard deviation."""
-    if value > 0.0 and not key.startswith("sensors") and not key.endswith(("gravity_at_rad", "lag_s")):
+    signed = key.startswith("sensors") and not key.endswith("drift_time_s")
+    if value > 0.0 and not signed and not key.endswith(("gravity_at_rad", "lag_s")):
         return Prior(value, math.sqrt(math.log1p((sd / value) ** 2)))
     return Prior(value, sd, log=False)
 

@@ -16,13 +16,14 @@ from tests.identify.test_machine_discovery import (
 from tssgeom.identify.machine_discovery import machine_work
 from tssgeom.identify.machine_evidence import contradicted, touched
 from tssgeom.identify.machine_finding import MachineCampaign
+from tssgeom.identify.machine_parameters import unit_of
 from tssgeom.identify.machine_run import machine_run
 from tssgeom.identify.machine_score import as_noise
 from tssgeom.rig import Sensor, with_values
 from tssgeom.tendon.machine import machine_of, route_of_rig
 from tssgeom.tendon.machine_history import drift
 from tssgeom.tendon.machine_simulation import simulated
-from tssgeom.uncertain import UNKNOWNS, Uncertain
+from tssgeom.uncertain import UNKNOWNS, Uncertain, assumed
 
 RATE, ENDS = 8e-4, 12.0
 
@@ -37,6 +38,14 @@ def test_a_drift_goes_on_or_ends():
     ending = drift(Sensor(drift_per_s=RATE, drift_time_s=ENDS), elapsed)
     np.testing.assert_allclose(ending, drifted(elapsed), rtol=1e-12)
     assert not drift(Sensor(drift_time_s=ENDS), elapsed).any()
+
+
+def test_a_drift_has_the_unit_of_its_channel_by_second_and_a_time_that_stays_above_zero():
+    assert unit_of("sensors.joint_angle_rad.drift_per_s") == "rad/s"
+    assert unit_of("sensors.tension_in_1_N.drift_per_s") == "N/s"
+    assert unit_of("sensors.tension_in_1_N.drift_time_s") == "s"
+    assert assumed("sensors.joint_angle_rad.drift_time_s", 5.0, 4.0).log
+    assert not assumed("sensors.joint_angle_rad.drift_per_s", 0.001, 0.002).log
 
 
 def test_a_drift_counts_from_where_a_run_began_whatever_its_clock_and_its_frames():

@@ -149,7 +149,9 @@ def _of_run(run: MachineRun, k: int, runs: int, rig: Rig) -> Iterator[Parameter]
 
 
 def unit_of(key: str) -> str:
-    """Return the unit in which the name of a key or channel ends."""
+    """Return the unit in which the name of a key or channel ends; that of its channel, by s, of a drift."""
+    if key.endswith(".drift_per_s"):
+        return f"{unit_of(key.removesuffix('.drift_per_s'))}/s"
     for ending, unit in _UNITS.items():
         if key.endswith(ending):
             return unit
