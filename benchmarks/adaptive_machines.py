@@ -29,6 +29,7 @@ from tests.adapt.machine_cases import arcs_of, followed, rig_of
 from tests.twins.mechanisms import FAULT_S, FAULTS, SCENARIOS, UNPLUGGED, MachineScenario, with_fault
 from tssgeom.adapt.follower import Follower
 from tssgeom.adapt.machine_readings import MachineReadings
+from tssgeom.errors import FitError
 
 _MOST_FRICTION = 0.03
 _BEGIN_S = 20.0
@@ -47,6 +48,8 @@ class Sound(NamedTuple):
     zero: float
     """rms error of the zeros of tensions [N], or of the motor's torque over the radius of its pulley."""
     alarms: int
+    refused: int
+    """Frames without an equilibrium; the numbers of the last one stand there."""
     seconds: float
     """Per frame."""
 
@@ -54,11 +57,15 @@ class Sound(NamedTuple):
 def sound(scenario: MachineScenario) -> Sound:
     """Follow a machine from its begin to its end."""
     given, arcs = scenario.machine, arcs_of(scenario.machine)
-    follower, known, alarms, spent = Follower(rig_of(given)), [], 0, 0.0
+    follower, known, alarms, refused, spent = Follower(rig_of(given)), [], 0, 0, 0.0
     for i, now in enumerate(scenario.times):
         readings = MachineReadings({name: float(one[i]) for name, one in scenario.readings.items()})
         had, began = follower.alert, time.thread_time()
-        known.append(follower.take(arcs, readings, float(now)))
+        try:
+            known.append(follower.take(arcs, readings, float(now)))
+        except FitError:
+            refused += 1
+            known.append(known[-1])
         spent += time.thread_time() - began
         alarms += had is None and follower.alert is not None
     late = np.flatnonzero(scenario.times > min(_BEGIN_S, 0.3 * scenario.times[-1]))
@@ -74,6 +81,7 @@ def sound(scenario: MachineScenario) -> Sound:
         float(np.mean((off * whitened).sum(axis=1))) / off.shape[1],
         float(np.sqrt(np.mean(off[:, 1:] ** 2))) / arm,
         alarms,
+        refused,
         spent / len(known),
     )
 
@@ -113,6 +121,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 number(mean.nees),
                 f"{alarms}",
                 number(len(results) * seconds / 60.0),
+                f"{sum(one.refused for one in results)}",
                 number(1e3 * mean.seconds),
             ]
         )
@@ -129,6 +138,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "NEES",
         "false alarms",
         "in min",
+        "refused frames",
         "ms",
     ]
     print(table(head, rows, text_columns=1, markdown=options.markdown))
