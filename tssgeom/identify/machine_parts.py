@@ -83,9 +83,14 @@ class Part:
         return f"{self.name} ({end})" if end else self.name
 
     @property
+    def switch_at(self) -> int:
+        """Where the number that switches the part on stands among its numbers."""
+        return next(k for k, each in enumerate(self.numbers) if each.switch)
+
+    @property
     def switch(self) -> Number:
         """The number that switches the part on."""
-        return next(each for each in self.numbers if each.switch)
+        return self.numbers[self.switch_at]
 
     @property
     def of_rig(self) -> frozenset[str]:

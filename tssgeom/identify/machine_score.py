@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -84,38 +84,33 @@ def score_of(part: Part, lines: Lines, sharp: Lines | None = None) -> PartScore 
     lines, sharp
         The model without it at the weights of its fit, and at those of `as_noise`; no fit without these.
     """
-    longer, tried = _longer(part, lines.model), [*_tries(part, lines.model)]
-    by_line = list[PartScore]()
-    for one in (lines,) if sharp is None else (lines, sharp):
-        state, best = one.model.state, None
-        for added, there in tried:
-            switch = _switch(part)
-            off = np.concatenate(longer.left(there)) - np.concatenate(state.left)
-            amplitude, gain = _within(part, _line(one, one.weight * off / added[switch]))
-            start = np.concatenate([state.u, added])
-            start[len(state.u) + switch] = amplitude
-            if best is None or gain > best.gain:
-                best = PartScore(part, longer, start, gain, one.model)
-        by_line += [] if best is None else [best]
-    if not by_line:
+    problem = lines.model.problem
+    rig, own = part.on(problem.rig)
+    longer = replace(problem, rig=rig, parameters=(*problem.parameters, *own))
+    tried = [*_tries(part, longer, lines.model)]
+    if not tried:
         return None
-    fitted = None if sharp is None else _fitted(by_line[-1], sharp)
-    return by_line[0] if fitted is None or fitted.gain <= by_line[0].gain else fitted
+    line = _best_line(part, longer, lines, tried)
+    fitted = None if sharp is None else _fitted(_best_line(part, longer, sharp, tried), sharp)
+    return line if fitted is None or fitted.gain <= line.gain else fitted
 
 
-def _longer(part: Part, model: FittedModel) -> Problem:
-    """Return the problem of a model with a part more."""
-    rig, own = part.on(model.problem.rig)
-    return replace(model.problem, rig=rig, parameters=(*model.problem.parameters, *own))
+def _best_line(
+    part: Part, longer: Problem, lines: Lines, tried: Sequence[tuple[Vector, Vector]]
+) -> PartScore:
+    """Return the best of what was tried of a part, by a straight line in its switch; (299)."""
+    made = list[PartScore]()
+    for added, off in tried:
+        amplitude, gain = _within(part, _line(lines, lines.weight * off / added[part.switch_at]))
+        start = np.concatenate([lines.model.state.u, added])
+        start[len(lines.model.state.u) + part.switch_at] = amplitude
+        made.append(PartScore(part, longer, start, gain, lines.model))
+    return max(made, key=lambda one: one.gain)
 
 
-def _switch(part: Part) -> int:
-    return next(k for k, number in enumerate(part.numbers) if number.switch)
-
-
-def _tries(part: Part, model: FittedModel) -> Iterator[tuple[Vector, list[Mapping[str, Vector]]]]:
-    """Yield numbers of a part at a few scales and sizes, and the channels of the model with them."""
-    longer, switch = _longer(part, model), _switch(part)
+def _tries(part: Part, longer: Problem, model: FittedModel) -> Iterator[tuple[Vector, Vector]]:
+    """Yield numbers of a part at a few scales and sizes, and how they change what is left [rows] [SI]."""
+    left = np.concatenate(model.state.left)
     scales = [k for k, number in enumerate(part.numbers) if not number.switch]
     step = part.switch.prior.u(part.switch.start)
     for pushed in itertools.product((0.0, -1.0, 1.0), repeat=min(len(scales), 1)):
@@ -124,10 +119,10 @@ def _tries(part: Part, model: FittedModel) -> Iterator[tuple[Vector, list[Mappin
             added[k] = push * math.log(PARTS.pushed) / part.numbers[k].prior.sd
         for share in PARTS.shares:
             tried = added.copy()
-            tried[switch] = share * step
+            tried[part.switch_at] = share * step
             there = longer.model(np.concatenate([model.state.u, tried]))
             if there is not None:
-                yield tried, there
+                yield tried, np.concatenate(longer.left(there)) - left
 
 
 def _fitted(one: PartScore, sharp: Lines) -> PartScore | None:

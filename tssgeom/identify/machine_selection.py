@@ -238,9 +238,8 @@ def _refit(
     base: FittedModel, model: FittedModel, one: PartScore, kept: Sequence[MachineRun]
 ) -> TriedPart | None:
     """Refit a part from where its straight line points, or from what is typical of it."""
-    shared = len(model.state.u)
     typical = one.start.copy()
-    switch = shared + next(k for k, number in enumerate(one.part.numbers) if number.switch)
+    switch = len(model.state.u) + one.part.switch_at
     typical[switch] = one.part.switch.prior.u(one.part.switch.start)
     half = one.start.copy()
     half[switch] *= 0.3
