@@ -26,7 +26,7 @@ NOISE = {"joint_angle_rad": 3e-4, "motor_torque_Nm": 1e-3}
 
 
 @cache
-def lumped_run(tendons, speed_gain):
+def lumped_run(tendons, speed_gain, **more):
     """A motor that turns a joint four times, at two rates: time, motor angle, and what the chains do."""
     time = np.linspace(0.0, 48.0, 481)
     rate = np.where((time // 12.0) % 2 == 0, 1.0, 3.0)
@@ -36,7 +36,7 @@ def lumped_run(tendons, speed_gain):
         motor = 0.8 + motor
     path = lumped.from_pieces([LENGTH], [ANGLE], cells=60)
     physics = lumped.Physics(
-        pretension_N=PRETENSION, friction=MU, compliance_per_N=RHO, speed_gain=speed_gain
+        pretension_N=PRETENSION, friction=MU, compliance_per_N=RHO, speed_gain=speed_gain, **more
     )
     drive = lumped.Motor("angle", time, motor, ARM)
     run = lumped.simulate_machine([(path, physics)] * tendons, drive, lumped.Joint(ARM, STIFF), time, 0.1)
@@ -53,9 +53,9 @@ def rig(tendons):
     )
 
 
-def columns(tendons, *, speed_gain=0.0, end_play=0.0, zero=0.0, lag=0.0, torque=True, seed=1):
+def columns(tendons, *, speed_gain=0.0, end_play=0.0, zero=0.0, lag=0.0, torque=True, seed=1, **more):
     """What a laboratory would have measured: noise, and what is between the joint and its encoder."""
-    time, motor, run = lumped_run(tendons, speed_gain)
+    time, motor, run = lumped_run(tendons, speed_gain, **more)
     rng = np.random.default_rng(seed)
     angle = play(np.asarray(run.joint_angle), end_play)
     out = {

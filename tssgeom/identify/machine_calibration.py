@@ -20,7 +20,8 @@ from tssgeom.identify.machine_parts import DRIVE_LAG, Part, drive_lag, preslidin
 from tssgeom.identify.machine_prediction import predicted
 from tssgeom.identify.machine_problem import FIT, FitState, Problem, fit_bars, fitted_rows
 from tssgeom.identify.machine_run import MachineRun, load_remarks, thinned, with_drive_known
-from tssgeom.identify.machine_selection import TriedPart, part_step
+from tssgeom.identify.machine_selection import part_step
+from tssgeom.identify.machine_steps import TriedPart
 from tssgeom.rig import Rig
 from tssgeom.threads import single_threaded
 from tssgeom.uncertain import Uncertain

@@ -5,15 +5,17 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.special import stdtrit
 
 from tssgeom.arrays import Vector
 from tssgeom.core.constants import CHANCE
+from tssgeom.identify.finding import LawCurve
 from tssgeom.identify.fit_quality import ChannelFit, failures, is_identified, misfits, whiteness
 from tssgeom.identify.machine_held_out import NOTHING_HELD_OUT, HeldOut, contradictions
+from tssgeom.identify.machine_law_bands import law_band
 from tssgeom.identify.machine_parameters import route_numbers
 from tssgeom.identify.machine_posterior import Posterior, posterior_of
 from tssgeom.identify.machine_problem import FitState, Problem
@@ -71,6 +73,8 @@ class MachineCalibration(Result):
     """What the model gives in each channel of each run."""
     warnings: tuple[str, ...]
     """What to know of the runs, a sentence each."""
+    laws: Mapping[str, LawCurve] = field(default_factory=dict)
+    """By name: free laws that were fitted; docs/model.md (311)."""
 
     @property
     def held_out(self) -> Mapping[str, tuple[float, float]]:
@@ -120,11 +124,12 @@ def calibration_of(
         tuple(_ties(problem, posterior)),
         channels,
         held,
-        with_values(problem.rig, values),
+        problem.with_laws(with_values(problem.rig, values), posterior.u),
         tuple(problem.of_run(state.u, k) for k in range(len(problem.runs))),
         problem.runs,
         tuple(problem.answers(state.channels)),
         (*notes, *(note for run in problem.runs for note in run.notes), *misfits(channels)),
+        {} if normal else {law.name: law_band(problem, state, law) for law in problem.laws},
     )
 
 

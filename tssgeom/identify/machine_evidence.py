@@ -1,4 +1,4 @@
-"""Evidence for a part of a machine and against it: log evidence, held-out misfit, physics.
+"""Evidence for a part of a machine and against it: log evidence and held-out misfit.
 
 Source: docs/model.md (196)-(198).
 """
@@ -6,42 +6,22 @@ Source: docs/model.md (196)-(198).
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-import msgspec
 import numpy as np
 
 from tssgeom.arrays import Vector
 from tssgeom.core.constants import CHANCE
-from tssgeom.errors import FitError, SettingsError
 from tssgeom.identify.fit_quality import first_weights, inflation_of, spread
 from tssgeom.identify.machine_fit import fit_round, fitted_again
 from tssgeom.identify.machine_parameters import bends_of, parameters_of, route_numbers
 from tssgeom.identify.machine_parts import Part
 from tssgeom.identify.machine_problem import FIT, FitState, Problem, fitted_rows
-from tssgeom.identify.machine_run import MachineRun, turns_of
+from tssgeom.identify.machine_run import MachineRun
 from tssgeom.identify.machine_sensor_errors import without_sensor_errors
-from tssgeom.mechanism import numbered
-from tssgeom.plausibility.limits import LIMITS as PLAUSIBLE
 from tssgeom.rig import Rig
 from tssgeom.statistics import NORMAL_95, reading_noise, root_mean_square
-from tssgeom.tendon.machine import Start, machine_of, routed
-from tssgeom.tendon.machine_simulation import drive_channels, simulate_machine
-
-
-@dataclass(frozen=True, slots=True)
-class EvidenceSettings:
-    """When a part of a machine is accepted."""
-
-    creates: float = 0.05
-    """Of the work that the drives do: a sheath that gives more than it takes by this much creates energy
-    [1]; chosen: a cycle hardly ever closes better."""
-    at_bound: float = 1e-3
-    """Of a bound: a number so near is at it [1]; chosen."""
-
-
-EVIDENCE = EvidenceSettings()
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,7 +114,8 @@ def delta_bic(before: FittedModel, after: FittedModel) -> float:
     """Return how far the Bayesian information criterion falls; docs/model.md (196).
 
     Each block of readings has an error of its own size, and counts as many readings as are independent in
-    what the better model leaves. As many numbers as readings leave nothing, and no evidence.
+    what the better model leaves. As many numbers as readings leave nothing, and no evidence. A wave of a law
+    counts as the share of it that the readings determine; (311).
     """
     if sum(map(len, after.state.left)) <= len(after.state.u):
         return -math.inf
@@ -144,7 +125,17 @@ def delta_bic(before: FittedModel, after: FittedModel) -> float:
         gain, worth = gain + fall, worth + independent
     shared = len(before.state.u)
     gain += float(before.state.u @ before.state.u - after.state.u[:shared] @ after.state.u[:shared])
-    return gain - (len(after.state.u) - shared) * math.log(worth)
+    return gain - _determined(after, shared) * math.log(worth)
+
+
+def _determined(model: FittedModel, first: int) -> float:
+    """Return how many numbers readings determine from the first one on, waves of laws in part [1]."""
+    of_laws = [j for j, each in enumerate(model.problem.parameters) if each.kind == "law" and j >= first]
+    if not of_laws:
+        return float(len(model.state.u) - first)
+    slope = model.state.slope(model.problem)
+    covariance = np.linalg.inv(slope.T @ slope + np.eye(len(model.state.u)))
+    return len(model.state.u) - first - float(np.sum(np.diag(covariance)[of_laws]))
 
 
 def block_gain(old: Vector, new: Vector, least: float) -> tuple[float, float]:
@@ -264,74 +255,3 @@ def noise_of(models: Sequence[FittedModel], rig: Rig) -> dict[str, float]:
         said = 0.0 if stated is None else math.hypot(stated.noise, stated.resolution / math.sqrt(12.0))
         out[name] = max(out.get(name, 0.0), said or least)
     return out
-
-
-def refused(before: FittedModel, after: FittedModel) -> str:
-    """Return why physics or a bound forbids a model, in a clause; empty where nothing does; (198)."""
-    return next(_reasons(before, after), "")
-
-
-def _reasons(before: FittedModel, after: FittedModel) -> Iterator[str]:
-    shared = len(before.state.u)
-    values = zip(after.problem.parameters, after.state.u, strict=True)
-    for j, (each, u) in enumerate(values):
-        far = abs(u) >= CHANCE.rare
-        was = j < shared and abs(before.state.u[j]) >= CHANCE.rare
-        if each.kind == "rig" and far and not was:
-            yield f"{each.name} goes to its bound"
-    limits = {
-        f"{part.label}: {number.name}": (number.lower, number.upper)
-        for part in after.parts
-        for number in part.numbers
-    }
-    for each, u in zip(after.problem.parameters, after.state.u, strict=True):
-        value = each.value(u)
-        for bound in limits.get(each.name, ()):
-            if math.isfinite(bound) and abs(value - bound) <= EVIDENCE.at_bound * abs(bound):
-                yield f"{each.name} goes to its bound"
-    friction = [one.rig.friction.coefficient for one in (before, after)]
-    if friction[1] > PLAUSIBLE.most_rig_friction >= friction[0]:
-        yield f"the friction coefficient goes to {friction[1]:.2g}"
-    yield from _creates(after)
-
-
-def _creates(model: FittedModel) -> Iterator[str]:
-    """Say where a tendon pushes, or gives more work over its cycles than it takes."""
-    rig = model.rig
-    plain = msgspec.structs.replace(rig, sensors={})
-    for k, run in enumerate(model.problem.runs):
-        own = model.problem.of_run(model.state.u, k)
-        machine = machine_of(plain, [routed(arcs, rig) for arcs in run.routes], FIT.bars)
-        shares = np.array([own.get(("history", str(which)), 0.0) for which in range(machine.count)])
-        given = dict(run.given)
-        try:
-            out = simulate_machine(
-                machine, given, drive=run.drive, end_given=run.end_given, start=Start(shares)
-            )
-        except (FitError, SettingsError):
-            return
-        edges = turns_of(given[drive_channels(run.drive, run.tendons)[0]])
-        names = [list(numbered(name, machine.count)) for name in _WORK]
-        for pull_in, way_in, pull_out, way_out in zip(*names, strict=True):
-            if min(float(out[pull_in].min()), float(out[pull_out].min())) < -1e-9:
-                yield f"{pull_in} goes below zero"
-            if len(edges) < 4:
-                continue
-            last = edges[1 + 2 * ((len(edges) - 3) // 2)]
-            cycles = slice(edges[1], last + 1)
-            taken = _work(out[pull_in][cycles], out[way_in][cycles])
-            left = _work(out[pull_out][cycles], out[way_out][cycles])
-            turned = float(np.sum(np.abs(_steps(out[pull_in][cycles], out[way_in][cycles]))))
-            if taken - left < -EVIDENCE.creates * turned:
-                yield "the sheath would give more work over its cycles than it takes"
-
-
-_WORK = ("tension_in_N", "displacement_in_m", "tension_out_N", "displacement_out_m")
-
-
-def _steps(pull: Vector, way: Vector) -> Vector:
-    return 0.5 * (pull[1:] + pull[:-1]) * np.diff(way)
-
-
-def _work(pull: Vector, way: Vector) -> float:
-    return float(np.sum(_steps(pull, way)))

@@ -22,6 +22,7 @@ from tssgeom.identify.finding import (
     Experiment,
     Finding,
     HeatMap,
+    LawCurve,
     Misfit,
     RigNumber,
     Tie,
@@ -43,7 +44,9 @@ from tssgeom.identify.machine_prediction import finely_predicted
 from tssgeom.identify.machine_problem import FIT
 from tssgeom.identify.machine_refit import reordered, without_part
 from tssgeom.identify.machine_run import MachineRun
-from tssgeom.identify.machine_selection import PartSelection, TriedPart
+from tssgeom.identify.machine_selection import PartSelection
+from tssgeom.identify.machine_steps import PartStep, TriedPart
+from tssgeom.identify.mechanisms import MECHANISM_OF
 from tssgeom.identify.misfit import beyond_noise
 from tssgeom.identify.verdict import Judgement, remainder, sentence, times
 from tssgeom.rig import Rig, with_values
@@ -98,6 +101,13 @@ class MachineWork:
         pairs = zip(_NAMES.items(), values, strict=True)
         return {name: value for (key, name), value in pairs if key not in unknown}
 
+    @property
+    def _taken(self) -> list[PartStep]:
+        """The steps whose part the model has in the end."""
+        has = {part.label for part in self.chosen.model.parts}
+        steps = ((step, step.chosen) for step in self.chosen.steps)
+        return [step for step, best in steps if best is not None and best.part.label in has]
+
     def finding(self, notes: Sequence[str]) -> Finding:
         """Return the finding."""
         model = self.chosen.model
@@ -112,7 +122,7 @@ class MachineWork:
         base = dict(_base_numbers(after, model))
         effects = (*self._parts(after), *self._named_zeros(after))
         effects = tuple(sorted(effects, key=lambda one: -one.evidence.total))
-        close = [other.part for step in self.chosen.steps for other in step.tied]
+        close = [other.part for step in self._taken for other in step.tied]
         left = _left(misfit, "after")
         verdict = self._verdict(effects, close, left)
         text = sentence(verdict, effects, base, [part.label for part in close], misfit)
@@ -143,7 +153,8 @@ class MachineWork:
         )
 
     def _verdict(self, effects: Sequence[Candidate], close: Sequence[Part], left: float) -> Judgement:
-        name: Verdict = "tie" if close else "effect"
+        learnt = any(one.law is not None for one in effects)
+        name: Verdict = "tie" if close else "law" if learnt else "effect"
         if effects:
             return Judgement(name, "", False, math.nan)
         if left <= CHANCE.clear:
@@ -155,11 +166,23 @@ class MachineWork:
 
     def _parts(self, after: MachineCalibration) -> Iterator[Candidate]:
         model = self.chosen.model
-        effects = iter(model.rig.effects[len(self.campaign.rig.effects) :])
+        effects = iter(model.rig.effects[len(self.campaign.rig.effects) :])  # laws are behind these
         for which, part in enumerate(model.parts):
             evidence = self._added(which)
+            if part.laws:
+                own = model.problem.law_effects(model.state.u)[part.name]
+                curve = self._with_nearest(after.laws[part.name], part)
+                yield Candidate((part.name,), (own,), ({},), evidence, "", curve)
+                continue
             for effect, numbers in _by_effect(part, after, None if part.of_rig else next(effects)):
                 yield Candidate((part.name,), (effect,), (numbers,), evidence, "")
+
+    def _with_nearest(self, curve: LawCurve, part: Part) -> LawCurve:
+        """Return a law with the formulae of its mechanism that were tried, and the evidence they lack."""
+        tried = {one.part.label: one for step in self.chosen.steps for one in step.tried}
+        formulae = [one for one in tried.values() if MECHANISM_OF.get(one.part.name) == part.name]
+        own = tried[part.label].delta_bic
+        return replace(curve, nearest=tuple((one.part.name, own - one.delta_bic) for one in formulae))
 
     def _added(self, which: int) -> Evidence:
         """Return the evidence that a part adds to the others."""
@@ -189,7 +212,7 @@ class MachineWork:
         return with_values(after.rig, zeros)
 
     def _ties(self) -> Iterator[Tie]:
-        for step in self.chosen.steps:
+        for step in self._taken:
             best = step.chosen
             if best is not None and step.tied:
                 names = (best.part.name, *(one.part.name for one in step.tied))
@@ -197,9 +220,10 @@ class MachineWork:
 
     def _ranking(self) -> Iterator[Candidate]:
         named = {part.label for part in self.chosen.model.parts}
-        first = self.chosen.steps[0]
-        top = max((one.evidence for one in first.tried), default=0.0)
-        for one in sorted(first.tried, key=lambda each: -each.evidence):
+        laws = (one for step in self.chosen.steps for one in step.tried if one.part.laws)
+        tried = {one.part.label: one for one in (*self.chosen.steps[0].tried, *laws)}
+        top = max((one.evidence for one in tried.values()), default=0.0)
+        for one in sorted(tried.values(), key=lambda each: -each.evidence):
             yield _ranked(one, top, chosen=one.part.label in named)
 
     def _traces(self, noise: Mapping[str, float]) -> Iterator[Trace]:
@@ -290,8 +314,11 @@ def _base_numbers(after: MachineCalibration, model: FittedModel) -> Iterator[tup
 
 def _ranked(one: TriedPart, top: float, *, chosen: bool) -> Candidate:
     after = calibration_of(one.model.problem, one.model.state, normal=True)  # profiles of all take long
-    own = None if one.part.of_rig else one.model.rig.effects[-1]
-    effects, numbers = zip(*_by_effect(one.part, after, own), strict=True)
+    if one.part.laws:
+        effects, numbers = (one.model.rig.effects[-1],), ({},)
+    else:
+        own = None if one.part.of_rig else one.model.rig.effects[-1]
+        effects, numbers = zip(*_by_effect(one.part, after, own), strict=True)
     evidence = Evidence(one.delta_bic, EVIDENCE_SCALE.very_strong, one.size, one.held_ratio, -one.rise)
     less = f"its ΔBIC, held-out readings included, is {top - one.evidence:.0f} below the best."
     why = "" if chosen else one.why_not or less

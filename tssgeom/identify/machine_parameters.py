@@ -40,12 +40,12 @@ class Parameter(NamedTuple):
     name: str
     unit: str
     prior: Prior
-    kind: Literal["rig", "share", "zero", "given zero", "history", "turn", "route", "bends"]
+    kind: Literal["rig", "share", "zero", "given zero", "history", "turn", "route", "bends", "law"]
     run: int = -1
     """The run that it belongs to; −1 for all."""
     key: str = ""
-    """Key of the rig, channel, number of a tendon, number of a route of `route_numbers`, or key of
-    `MachineRun.bends`."""
+    """Key of the rig, channel, number of a tendon, number of a route of `route_numbers`, key of
+    `MachineRun.bends`, or name of a law."""
 
     def value(self, u: float) -> float:
         """Return the number in its unit; a share of friction is even over −1 to 1."""

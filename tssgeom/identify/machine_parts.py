@@ -17,6 +17,7 @@ from tssgeom.core.constants import CHANCE
 from tssgeom.effects import KINDS, Library, snake, with_size
 from tssgeom.identify.finding import RigNumber
 from tssgeom.identify.fit import FIT
+from tssgeom.identify.machine_laws import FreeLaw
 from tssgeom.identify.machine_parameters import Parameter, unit_of
 from tssgeom.identify.machine_run import LIMITS, MachineRun
 from tssgeom.rig import Rig, with_values
@@ -69,7 +70,7 @@ class Part:
     """One thing that a machine may lack."""
 
     name: str
-    effect: Library | RigNumber
+    effect: Library | RigNumber | FreeLaw
     numbers: tuple[Number, ...]
     meaning: str = ""
     """In a clause, where it is no effect of the library."""
@@ -81,6 +82,11 @@ class Part:
             return f"{self.name} ({', '.join(key.split('.')[1] for key in keys_of(self.effect.key))})"
         end = getattr(self.effect, "end", "")
         return f"{self.name} ({end})" if end else self.name
+
+    @property
+    def laws(self) -> tuple[FreeLaw, ...]:
+        """The law that it is; none of an effect or a number."""
+        return (self.effect,) if isinstance(self.effect, FreeLaw) else ()
 
     @property
     def switch_at(self) -> int:
@@ -99,6 +105,10 @@ class Part:
 
     def on(self, rig: Rig) -> tuple[Rig, tuple[Parameter, ...]]:
         """Return the rig with this part at nothing, and what is fitted of it."""
+        if isinstance(self.effect, FreeLaw):
+            unit = Prior(0.0, 1.0, log=False)
+            names = (f"{self.label}: {each.name}" for each in self.numbers)
+            return rig, tuple(Parameter(name, "1", unit, "law", key=self.name) for name in names)
         at = len(rig.effects)
         if not isinstance(self.effect, RigNumber):
             rig = msgspec.structs.replace(rig, effects=(*rig.effects, self.effect))

@@ -13,11 +13,14 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import NamedTuple
 
+import msgspec
 import numpy as np
 
 from tssgeom.arrays import Matrix, Vector
+from tssgeom.effects import AnyEffect
 from tssgeom.errors import FitError, SettingsError
 from tssgeom.identify.fit_quality import weights_of
+from tssgeom.identify.machine_laws import FreeLaw
 from tssgeom.identify.machine_parameters import Parameter, route_numbers
 from tssgeom.identify.machine_prediction import Machines, predicted_beside
 from tssgeom.identify.machine_run import MachineRun
@@ -90,6 +93,8 @@ class Problem:
     """By number of a route: errors of its lengths and angles [2k, m], of one s.d. each; (286)."""
     sensor_bends: Mapping[str, Matrix] = field(default_factory=dict)
     """By channel: errors of its sensor that are fitted, each of some waves [waves, m]; (301)."""
+    laws: tuple[FreeLaw, ...] = ()
+    """Effects behind those of the rig; (311)."""
     fine: int = FIT.fine
     """Bars to whose answer that of few bars is brought; (300)."""
 
@@ -156,9 +161,24 @@ class Problem:
     def rig_at(self, u: Vector) -> Rig:
         """Return the rig at these numbers; raises SettingsError where one is out of bounds."""
         pairs = zip(self.parameters, u, strict=True)
-        return with_values(
+        rig = with_values(
             self.rig, {each.key: each.value(x) for each, x in pairs if each.kind in ("rig", "share")}
         )
+        return self.with_laws(rig, u)
+
+    def with_laws(self, rig: Rig, u: Vector) -> Rig:
+        """Return a rig with the laws as effects; raises SettingsError where one is out of bounds."""
+        laws = self.law_effects(u).values()
+        return msgspec.structs.replace(rig, effects=(*rig.effects, *laws)) if laws else rig
+
+    def law_effects(self, u: Vector) -> dict[str, AnyEffect]:
+        """Return the laws as effects, by name; raises SettingsError where one is out of bounds."""
+        return {law.name: law.effect(u[self.waves_of(law)]) for law in self.laws}
+
+    def waves_of(self, law: FreeLaw) -> list[int]:
+        """Return which numbers are the waves of a law."""
+        every = enumerate(self.parameters)
+        return [j for j, each in every if (each.kind, each.key) == ("law", law.name)]
 
     def of_run(self, u: Vector, k: int) -> dict[tuple[str, str], float]:
         """Return the numbers of one run, by kind and key."""
@@ -272,7 +292,7 @@ class Problem:
         for way in (step, -step):
             moved = u.copy()
             moved[j] += way
-            if self.parameters[j].kind not in ("rig", "share", "route"):
+            if self.parameters[j].kind not in ("rig", "share", "route", "law"):
                 return way, moved, here
             with suppress(SettingsError):
                 return way, moved, self.machines(moved)

@@ -78,6 +78,7 @@ def without_part(model: FittedModel, which: int, kept: Sequence[MachineRun]) -> 
     names = {f"{part.label}: {number.name}" for number in part.numbers}
     stays = [j for j, each in enumerate(problem.parameters) if each.name not in names]
     parameters = [problem.parameters[j] for j in stays]
+    laws, rig = tuple(law for law in problem.laws if law not in part.laws), problem.rig
     if isinstance(part.effect, RigNumber):
         off = {
             each.key: each.prior.centre
@@ -85,10 +86,10 @@ def without_part(model: FittedModel, which: int, kept: Sequence[MachineRun]) -> 
             if each.name in names and not each.prior.log
         }
         rig = with_values(problem.rig, off)
-    else:
+    elif not part.laws:
         own = next(each.key for each in problem.parameters if each.name in names)
         rig, parameters = _without_effect(problem.rig, int(str(path_of(own)[1])), parameters)
-    less = replace(problem, rig=rig, parameters=tuple(parameters))
+    less = replace(problem, rig=rig, parameters=tuple(parameters), laws=laws)
     parts = [each for k, each in enumerate(model.parts) if k != which]
     return refitted(less, model.state.u[stays], model, parts, kept)
 
@@ -122,4 +123,6 @@ def reordered(model: FittedModel, which: int) -> FittedModel:
     names = {f"{model.parts[which].label}: {number.name}" for number in model.parts[which].numbers}
     of_part = np.array([each.name in names for each in model.problem.parameters])
     order = np.concatenate([np.flatnonzero(~of_part), np.flatnonzero(of_part)])
-    return replace(model, state=replace(model.state, u=model.state.u[order]))
+    parameters = tuple(model.problem.parameters[j] for j in order)
+    state = replace(model.state, u=model.state.u[order], steps=model.state.steps[order], beside=None)
+    return replace(model, problem=replace(model.problem, parameters=parameters), state=state)

@@ -74,6 +74,13 @@ def as_noise(model: FittedModel) -> FittedModel:
     return replace(model, state=replace(model.state, weight=weight, inflation=np.ones(len(weight))))
 
 
+def with_part(problem: Problem, part: Part) -> Problem:
+    """Return a problem with the numbers of a part behind its own."""
+    rig, own = part.on(problem.rig)
+    laws = (*problem.laws, *part.laws)
+    return replace(problem, rig=rig, parameters=(*problem.parameters, *own), laws=laws)
+
+
 def score_of(part: Part, lines: Lines, sharp: Lines | None = None) -> PartScore | None:
     """Return the best of a few scales of a part: by a straight line in its switch, or two steps of a fit.
 
@@ -85,8 +92,7 @@ def score_of(part: Part, lines: Lines, sharp: Lines | None = None) -> PartScore 
         The model without it at the weights of its fit, and at those of `as_noise`; no fit without these.
     """
     problem = lines.model.problem
-    rig, own = part.on(problem.rig)
-    longer = replace(problem, rig=rig, parameters=(*problem.parameters, *own))
+    longer = with_part(problem, part)
     tried = [*_tries(part, longer, lines.model)]
     if not tried:
         return None

@@ -137,7 +137,8 @@ def mechanisms(stack: Stack, rig: Rig, knots: KnotSettings = KNOTS) -> tuple[Mec
     return tuple(one for make in _MAKERS for one in make(stack, rig, knots))
 
 
-def _friction(over: FrictionOver, x: Vector, unit: str) -> Mechanism:
+def friction_law(over: FrictionOver, x: Vector, unit: str) -> Mechanism:
+    """Return friction over what it depends on, from knots and the unit of these."""
     knots = tuple(x.tolist())
 
     def effect(u: Vector) -> AnyEffect:
@@ -149,7 +150,7 @@ def _friction(over: FrictionOver, x: Vector, unit: str) -> Mechanism:
     return Mechanism(f"friction_over_{over}", x, even, effect, np.exp, "1", name, *bounds)
 
 
-def _friction_over_speed(x: Vector) -> Mechanism:
+def speed_law(x: Vector) -> Mechanism:
     """Return friction over speed that follows it within a time; docs/model.md (185)."""
     knots, most = tuple(x.tolist()), np.append(np.full(len(x), _MOST), np.inf)
 
@@ -169,32 +170,32 @@ def _frictions(stack: Stack, rig: Rig, knots: KnotSettings) -> Iterator[Mechanis
     runs = stack.readings
     least, most = _tensions(runs, rig)
     if most - least > KNOTS.least_span * most:
-        yield _friction("tension", np.linspace(least, most, knots.usual), "N")
+        yield friction_law("tension", np.linspace(least, most, knots.usual), "N")
     fast = _fastest(runs)
     if fast > 0.0:
         moving = np.geomspace(KNOTS.slow, 1.0, knots.usual - 1)
-        yield _friction_over_speed(fast * np.concatenate(([0.0], moving)))
+        yield speed_law(fast * np.concatenate(([0.0], moving)))
     every = np.concatenate([run.route.arcs.angle / run.route.arcs.length for run in runs])
     curved = every[every > 0.0].tolist()
     if curved and max(curved) - min(curved) > KNOTS.least_span * max(curved):
-        yield _friction("curvature", np.linspace(min(curved), max(curved), knots.over_curvature), "per_m")
+        yield friction_law("curvature", np.linspace(min(curved), max(curved), knots.over_curvature), "per_m")
     length = min(run.route.arcs.total_length for run in runs)
-    yield _friction("arc_length", np.linspace(0.0, length, knots.along), "m")
+    yield friction_law("arc_length", np.linspace(0.0, length, knots.along), "m")
     travel, time = max(_travel(run) for run in runs), max(float(np.ptp(run.time)) for run in runs)
-    yield _friction("travel", np.linspace(0.0, travel, knots.usual), "m")
-    yield _friction("time", np.linspace(0.0, time, knots.usual), "s")
+    yield friction_law("travel", np.linspace(0.0, travel, knots.usual), "m")
+    yield friction_law("time", np.linspace(0.0, time, knots.usual), "s")
     if all("displacement_in_m" in run.given for run in runs):
         pulled = np.concatenate([run.given["displacement_in_m"] for run in runs])
         if np.ptp(pulled) > 0.0:
             low, high = float(pulled.min()), float(pulled.max())
-            yield _friction("position", np.linspace(low, high, knots.usual), "m")
+            yield friction_law("position", np.linspace(low, high, knots.usual), "m")
 
 
 def _stretches(stack: Stack, rig: Rig, knots: KnotSettings) -> Iterator[Mechanism]:
     _, most = _tensions(stack.readings, rig)
     length = min(run.route.arcs.total_length for run in stack.readings)
     strain = KNOTS.stretch * rig.tendon.compliance_per_N * most
-    x = np.concatenate(([0.0], most * np.linspace(0.0, 1.0, knots.usual)[1:] ** 1.5))
+    x = _over_tension(most, knots.usual)
     which: tuple[tuple[StretchOf, str, float, str], ...] = (
         ("sheath", "strain_over_tension", strain, "1"),
         ("proximal", "stretch_at_end:proximal", strain * length, "m"),
@@ -205,6 +206,17 @@ def _stretches(stack: Stack, rig: Rig, knots: KnotSettings) -> Iterator[Mechanis
     for of, name, unit, si in which:
         if of != "load" or channels & {"displacement_out_m", "elongation_m"}:
             yield _stretch(of, name, x, unit, si)
+
+
+def strain_law(compliance: float, most: float, knots: int) -> Mechanism:
+    """Return the strain of a sheath over tension, from its compliance [1/N] and the greatest tension [N]."""
+    unit = KNOTS.stretch * compliance * most
+    return _stretch("sheath", "strain_over_tension", _over_tension(most, knots), unit, "1")
+
+
+def _over_tension(most: float, knots: int) -> Vector:
+    """Return knots of a stretch [knots] [N], denser where it is less."""
+    return np.concatenate(([0.0], most * np.linspace(0.0, 1.0, knots)[1:] ** 1.5))
 
 
 def _stretch(of: StretchOf, name: str, x: Vector, unit: float, si: str) -> Mechanism:

@@ -1,0 +1,70 @@
+"""Free laws of machines: what is fitted of a curve, and friction that no formula of the library has."""
+
+import numpy as np
+import pytest
+
+from tests.identify.test_machine_discovery import ARM, MU, NOISE, columns, finding_of, held, rig
+from tssgeom.effects import FrictionLaw
+from tssgeom.identify.machine_laws import free_laws
+from tssgeom.identify.machine_run import machine_run
+from tssgeom.tendon.machine import machine_of, route_of_rig
+from tssgeom.tendon.machine_simulation import simulate_machine
+
+PEAK, DECAY, LAG_S = 0.4, 2e-3, 0.1
+
+
+@pytest.fixture(scope="module")
+def laws():
+    hardware = rig(2)
+    run = machine_run("run", columns(2), [route_of_rig(hardware)], hardware)
+    plain = simulate_machine(machine_of(hardware, [route_of_rig(hardware)]), dict(run.given))
+    return {law.name: law for law in free_laws([run], [plain], hardware)}
+
+
+def test_laws_are_over_what_the_runs_reach(laws):
+    over = ("tension", "speed", "arc_length", "travel", "time", "position")
+    assert set(laws) == {"strain_over_tension", *(f"friction_over_{each}" for each in over)}
+    time, speed = (laws[f"friction_over_{each}"].mechanism.x for each in ("time", "speed"))
+    assert time[[0, -1]] == pytest.approx([0.0, 48.0])
+    assert 0.5 < speed[-1] / (ARM * 0.9 * 2.0 * np.pi * 3.0 / 12.0) < 1.1
+
+
+def test_no_law_does_what_the_base_model_has_a_number_for(laws):
+    for law in laws.values():
+        for each in law.as_rough():
+            assert each.size >= 1
+            curve = each.waves[: each.mechanism.size - each.mechanism.more]
+            of_base = law.mechanism.x[1:] if law.mechanism.pinned else np.ones(len(curve))
+            np.testing.assert_allclose(of_base @ curve, 0.0, atol=1e-9 * np.abs(of_base).sum())
+
+
+def test_other_knots_leave_a_law_as_it_is(laws):
+    rng = np.random.default_rng(3)
+    for law in laws.values():
+        numbers = 0.1 * rng.standard_normal(law.size)
+        fine = law.with_knots(12)
+        there = fine.waves @ fine.numbers_of(law, numbers)
+        curve = fine.mechanism.value(there)
+        own = np.interp(fine.mechanism.x, law.mechanism.x, law.mechanism.value(law.waves @ numbers))
+        assert np.ptp(curve - own) < 0.25 * np.ptp(own)  # up to the constant that the base model has
+
+
+@pytest.mark.parametrize("torque", [True, False], ids=["torque", "displacement only"])
+def test_friction_that_falls_with_speed_is_a_law_whose_band_holds_it(torque):
+    falls = columns(2, torque=torque, stribeck_gain=PEAK, stribeck_speed_m_per_s=DECAY, speed_lag_s=LAG_S)
+    finding = finding_of(2, falls)
+    assert finding.verdict == "law"
+    (effect,) = finding.effects
+    assert effect.names == ("friction_over_speed",)
+    law = effect.law
+    assert law is not None
+    true = MU * (1.0 + PEAK * np.exp(-law.x / DECAY))
+    reached = law.x < 0.9 * law.x[-1]
+    assert np.mean((law.low <= true)[reached] & (true <= law.high)[reached]) > 0.8
+    before, after = held(finding, "joint_angle_rad")
+    assert before > 8.0 * NOISE["joint_angle_rad"]
+    assert after < 0.3 * before
+    (own,) = finding.rig.effects
+    assert isinstance(own, FrictionLaw)
+    assert own.over == "speed"
+    assert "speed of sliding" in finding.sentence

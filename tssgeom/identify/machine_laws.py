@@ -1,0 +1,199 @@
+"""Free laws of a machine: friction and stretch of its tendons by curves, as waves of their prior.
+
+A fit of a machine counts every number in standard deviations of what is assumed of it. The values of a law at
+its knots are assumed together; what is fitted are the waves that make them up. Source: docs/model.md (311).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import chain, product
+
+import numpy as np
+
+from tssgeom import core
+from tssgeom.arrays import Matrix, Vector, read_only
+from tssgeom.effects import AnyEffect
+from tssgeom.identify.finding import LawCurve
+from tssgeom.identify.law_fit import LAW_FIT
+from tssgeom.identify.law_smoothness import law_precision
+from tssgeom.identify.machine_run import MachineRun
+from tssgeom.identify.mechanisms import KNOTS, Mechanism, friction_law, speed_law, strain_law
+from tssgeom.mechanism import numbered
+from tssgeom.rig import Rig
+from tssgeom.statistics import NORMAL_95
+
+
+@dataclass(frozen=True, slots=True)
+class WaveSettings:
+    """Which waves of a law are fitted."""
+
+    least: float = 0.02
+    """Of u at some knot: waves that stay below it are left out [1]; chosen: friction by two hundredths."""
+    orders: tuple[int, ...] = (1, 2)
+    """Of the derivatives that priors of a band hold [1]; chosen: laws that step, and laws that bend."""
+    step: float = 0.1
+    """Of u at some knot: step of a derivative [1]; chosen."""
+
+
+WAVES = WaveSettings()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FreeLaw:
+    """A law of a mechanism; each wave of it has a standard deviation of one."""
+
+    mechanism: Mechanism
+    roughness: float
+    waves: Matrix
+    """[k, waves] u at the knots."""
+
+    @property
+    def name(self) -> str:
+        """Of the mechanism."""
+        return self.mechanism.name
+
+    @property
+    def size(self) -> int:
+        """Numbers that are fitted."""
+        return self.waves.shape[1]
+
+    def effect(self, numbers: Vector) -> AnyEffect:
+        """Return the effect; raises SettingsError beyond what physics allows."""
+        return self.mechanism.effect(self.waves @ numbers)
+
+    def at_bound(self, numbers: Vector) -> bool:
+        """Whether the law is at a bound that physics does not give."""
+        return bool(np.any(np.abs(self.waves @ numbers) >= self.mechanism.upper))
+
+    @property
+    def steps(self) -> Vector:
+        """Steps of derivatives by each wave [waves]."""
+        return np.asarray(WAVES.step / np.abs(self.waves).max(axis=0))
+
+    def as_rough(self, orders: tuple[int, ...] = (2,), least: float = WAVES.least) -> tuple[FreeLaw, ...]:
+        """Return the law with every prior: roughness and order of the derivatives that it holds."""
+        every = product(orders, LAW_FIT.roughness)
+        return tuple(_free_law(self.mechanism, rough, order, least) for order, rough in every)
+
+    def with_knots(self, count: int) -> FreeLaw:
+        """Return a law of friction with so many knots, all waves of which are kept."""
+        one = self.mechanism
+        over = one.name.removeprefix("friction_over_")
+        if over == one.name:
+            return _free_law(one, self.roughness, least=0.0)
+        even = np.linspace(0.0, 1.0, count)
+        x = core.tabulated(core.table_of(one.warped, one.x), even)
+        if over == "speed":
+            return _free_law(speed_law(x), self.roughness, least=0.0)
+        finer = friction_law(over, x, one.over.removeprefix(f"{over}_"))  # type: ignore[arg-type]
+        return _free_law(replace(finer, warped=even), self.roughness, least=0.0)
+
+    def numbers_of(self, other: FreeLaw, numbers: Vector) -> Vector:
+        """Return the numbers with which this law goes through the knots of another one [waves]."""
+        theirs, own = other.mechanism, self.mechanism
+        curve, more = np.split(other.waves @ numbers, [theirs.size - theirs.more])
+        values = np.concatenate([np.zeros(int(theirs.pinned)), curve])
+        there = core.tabulated(core.table_of(theirs.warped, values), own.warped)[int(own.pinned) :]
+        return np.asarray(np.linalg.pinv(self.waves) @ np.concatenate([there, more]), dtype=np.float64)
+
+
+def _free_law(one: Mechanism, roughness: float, order: int = 2, least: float = WAVES.least) -> FreeLaw:
+    """Return a law that does not do what the base model has a number for; docs/model.md (311)."""
+    covariance = np.linalg.inv(law_precision(one, roughness, LAW_FIT.level, order))
+    of_base = one.x[1:, None] / one.x[-1] if one.pinned else np.ones((one.size - one.more, 1))
+    of_base = np.pad(of_base, ((0, one.more), (0, 0)))
+    others = np.eye(one.size) - of_base @ np.linalg.pinv(of_base)
+    size, waves = np.linalg.eigh(others @ covariance @ others)
+    waves = (waves * np.sqrt(np.maximum(size, 0.0)))[:, :0:-1]  # the least is what the base model does
+    return FreeLaw(one, roughness, waves[:, np.abs(waves).max(axis=0) > least])
+
+
+def free_laws(
+    runs: Sequence[MachineRun], moved: Sequence[Mapping[str, Vector]], rig: Rig
+) -> tuple[FreeLaw, ...]:
+    """Return the laws that runs may show, each as straight as is tried.
+
+    Parameters
+    ----------
+    runs
+        What is fitted.
+    moved
+        Every channel of each run as a fitted machine has it.
+    rig
+        That machine.
+    """
+    every = _mechanisms(runs, moved, rig)
+    return tuple(_free_law(one, LAW_FIT.roughness[0]) for one in every)
+
+
+def _mechanisms(
+    runs: Sequence[MachineRun], moved: Sequence[Mapping[str, Vector]], rig: Rig
+) -> Iterator[Mechanism]:
+    count, usual = runs[0].tendons, KNOTS.usual
+    pulls = np.concatenate([each[name] for each in moved for name in _of_tendons("tension", count)])
+    ways = [[each[name] for name in numbered("displacement_in_m", count)] for each in moved]
+    times = [run.given["time_s"] for run in runs]
+    least, most = float(np.quantile(pulls, 0.005)), float(pulls.max())
+    if most - least > KNOTS.least_span * most:
+        yield friction_law("tension", np.linspace(max(least, 0.0), most, usual), "N")
+        yield strain_law(rig.tendon.compliance_per_N, most, usual)
+    speeds = np.concatenate(
+        [np.abs(np.diff(way) / np.diff(time)) for time, own in zip(times, ways, strict=True) for way in own]
+    )
+    fast = float(np.quantile(speeds, 0.99))
+    if fast > 0.0:
+        x = fast * np.concatenate(([0.0], np.geomspace(KNOTS.slow, 1.0, usual - 1)))
+        yield speed_law(x)
+    arcs = [each for run in runs for each in run.routes]
+    bends = np.concatenate([each.angle / each.length for each in arcs])
+    curved = bends[bends > 0.0].tolist()
+    if curved and max(curved) - min(curved) > KNOTS.least_span * max(curved):
+        yield friction_law("curvature", np.linspace(min(curved), max(curved), KNOTS.over_curvature), "per_m")
+    yield friction_law(
+        "arc_length", np.linspace(0.0, min(each.total_length for each in arcs), KNOTS.along), "m"
+    )
+    every = list(chain.from_iterable(ways))
+    travel = max(float(np.abs(np.diff(way)).sum()) for way in every)
+    if travel > 0.0:
+        yield friction_law("travel", np.linspace(0.0, travel, usual), "m")
+    yield friction_law("time", np.linspace(0.0, max(float(np.ptp(each)) for each in times), usual), "s")
+    low, high = min(float(way.min()) for way in every), max(float(way.max()) for way in every)
+    if high > low:
+        yield friction_law("position", np.linspace(low, high, usual), "m")
+
+
+def _of_tendons(what: str, count: int) -> Iterator[str]:
+    for end in ("in", "out"):
+        yield from numbered(f"{what}_{end}_N", count)
+
+
+def law_curve(law: FreeLaw, numbers: Vector, covariance: Matrix, coefficient: float) -> LawCurve:
+    """Return a law over its support with its 95 % band, friction as the coefficient itself; (190), (312).
+
+    Parameters
+    ----------
+    law, numbers
+        The law and its numbers [waves].
+    covariance
+        Of the logarithm of the coefficient, and of the numbers [1 + waves, 1 + waves].
+    coefficient
+        Of friction [1].
+    """
+    one, whole = law.mechanism, law.waves @ numbers
+    shape = law.waves[: one.size - one.more]
+    if one.name.startswith("friction_over"):
+        both = np.column_stack([np.ones(len(shape)), shape])
+        middle = coefficient * one.value(whole)
+        spread = NORMAL_95 * np.sqrt(np.einsum("ki,ij,kj->k", both, covariance, both))
+        low, high = middle * np.exp(-spread), middle * np.exp(spread)
+    else:
+        each = np.column_stack([one.value(unit) for unit in shape.T])
+        middle = one.value(whole)
+        spread = NORMAL_95 * np.sqrt(np.einsum("ki,ij,kj->k", each, covariance[1:, 1:], each))
+        low, high = middle - spread, middle + spread
+    dense = np.linspace(0.0, 1.0, KNOTS.reported)
+    x = core.tabulated(core.table_of(one.warped, one.x), dense)
+    middle, low, high = (core.tabulated(core.table_of(one.x, each), x) for each in (middle, low, high))
+    return LawCurve(one.over, read_only(x), read_only(middle), read_only(low), read_only(high), one.unit)
