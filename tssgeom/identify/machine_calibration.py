@@ -22,6 +22,7 @@ from tssgeom.identify.machine_problem import FIT, FitState, Problem, fit_bars, f
 from tssgeom.identify.machine_run import MachineRun, load_remarks, thinned, with_drive_known
 from tssgeom.identify.machine_selection import part_step
 from tssgeom.identify.machine_steps import TriedPart
+from tssgeom.identify.machine_straight import STRAIGHT, straight_fit
 from tssgeom.rig import Rig
 from tssgeom.threads import single_threaded
 from tssgeom.uncertain import Uncertain
@@ -75,6 +76,8 @@ def _calibrated(
     problem, state = fit_from(
         problem, start, lambda share: progress("fit without the last cycles", 0.1 + 0.5 * share)
     )
+    straight = straight_fit(problem, state, uncertain)
+    problem, state = straight or (problem, state)
     progress("clock of the drive", 0.6)
     problem, state, notes = _with_drive_lag(problem, state)
     progress("contacts before they slide", 0.65)
@@ -88,7 +91,8 @@ def _calibrated(
         held = runs_held_out(problem, state)
     progress("intervals", 0.9)
     remarks = (each.text for each in load_remarks(runs, rig))
-    return calibration_of(problem, state, held, (*notes, *more, *remarks))
+    said = (STRAIGHT,) if straight else ()
+    return calibration_of(problem, state, held, (*said, *notes, *more, *remarks))
 
 
 def _with_drive_lag(problem: Problem, state: FitState) -> tuple[Problem, FitState, tuple[str, ...]]:

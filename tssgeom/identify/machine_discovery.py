@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from tssgeom.arrays import Vector
-from tssgeom.errors import FitError, SettingsError
+from tssgeom.errors import SettingsError
 from tssgeom.identify.finding import Evidence, Finding
 from tssgeom.identify.machine_evidence import (
     FittedModel,
@@ -37,11 +37,11 @@ from tssgeom.identify.machine_run import (
     MachineRun,
     straight_between_readings,
     thinned,
-    turns_apart,
     turns_of,
 )
 from tssgeom.identify.machine_selection import PartSelection, selected_parts
 from tssgeom.identify.machine_sensor_errors import with_sensor_errors
+from tssgeom.identify.machine_straight import STRAIGHT, likelier, straight_fit
 from tssgeom.identify.screening import stated_error
 from tssgeom.rig import Sensor
 from tssgeom.statistics import EVIDENCE_SCALE, NORMAL_95
@@ -49,7 +49,6 @@ from tssgeom.tendon.machine_simulation import drive_channels
 from tssgeom.threads import single_threaded
 
 _OWN = "only its zeros, its start, and the errors of a route that no other run has,"
-_STRAIGHT = "The motor goes straight from reading to reading: so the runs are likelier."
 _SPLIT = 2
 """Pairs of pieces into which a run without two cycles is cut; chosen: quarters."""
 
@@ -97,12 +96,12 @@ def machine_work(
     problem, state = fit_from(
         problem, start_of(problem), lambda share: progress("fitting", 0.15 * share), _with_errors
     )
-    straight = _straight(campaign, fitted, FittedModel(problem, state, (), {}, {}, {}))
+    straight = straight_fit(problem, state, campaign.uncertain, _with_errors)
     if straight is not None:
         problem, state = straight
         fitted, kept = (tuple(map(straight_between_readings, runs)) for runs in (fitted, kept))
-        said = (*said, _STRAIGHT)
-    kept = tuple(_with_own_errors(_likelier(run, problem, state), problem, state) for run in kept)
+        said = (*said, STRAIGHT)
+    kept = tuple(_with_own_errors(likelier(run, problem, state), problem, state) for run in kept)
     base = modelled(problem, state, (), kept)
     free = [each.key for each in parameters if each.kind == "rig"]
     parts = parts_of(campaign.rig, free, fitted)
@@ -114,37 +113,6 @@ def machine_work(
     base, zeros = _zeros(chosen, kept)
     work = MachineWork(campaign, fitted, kept, base, chosen, zeros)
     return work, (*said, *(note for run in fitted for note in run.notes))
-
-
-def _straight(
-    campaign: MachineCampaign, fitted: Sequence[MachineRun], base: FittedModel
-) -> tuple[Problem, FitState] | None:
-    """Return the base whose motors go straight between readings, where it is the likelier one; (304)."""
-    runs = tuple(map(straight_between_readings, fitted))
-    if not any(itertools.starmap(turns_apart, zip(fitted, runs, strict=True))):
-        return None
-    parameters = tuple(parameters_of(runs, campaign.rig, campaign.uncertain))
-    start = np.array(
-        [0.0 if each.kind == "turn" else u for each, u in zip(parameters, base.state.u, strict=False)]
-    )
-    problem = Problem(runs, campaign.rig, parameters, fitted_rows(runs, held_out=False), FIT.bars)
-    try:
-        made = fit_from(problem, start, lambda _: None, _with_errors)
-    except FitError:
-        return None
-    return made if delta_bic(base, FittedModel(*made, (), {}, {}, {})) > 0.0 else None
-
-
-def _likelier(run: MachineRun, problem: Problem, state: FitState) -> MachineRun:
-    """Return a run that is held out, its motor straight between readings where it is likelier so; (304)."""
-    straight, model = straight_between_readings(run), FittedModel(problem, state, (), {}, {}, {})
-    if not turns_apart(run, straight):
-        return run
-    both = (
-        own_numbers(model.on_known_routes(each), model.rig, fine=problem.fine) for each in (run, straight)
-    )
-    curved, made = (FittedModel(*own, (), {}, {}, {}) for own in both)
-    return straight if delta_bic(curved, made) > 0.0 else run
 
 
 def _with_errors(problem: Problem, state: FitState) -> tuple[Problem, Vector]:

@@ -174,7 +174,8 @@ def next_steps(finding: Finding) -> list[str]:
         )
     steps += _remainder(finding)
     if not steps and finding.verdict == "law":
-        steps.append("Use the new rig within what the law was learnt from; --propose designs the next run.")
+        more = "" if finding.is_machine else "; --propose designs the next run"
+        steps.append(f"Use the new rig within what the law was learnt from{more}.")
     return steps or [
         "Measure nothing more for this finding: the refitted model explains these runs."
         if finding.verdict == "none"
