@@ -10,15 +10,20 @@ from tssgeom.identify.machine_run import machine_run
 from tssgeom.tendon.machine import machine_of, route_of_rig
 from tssgeom.tendon.machine_simulation import simulate_machine
 
-PEAK, DECAY, LAG_S = 0.4, 2e-3, 0.1
+PEAK, DECAY, LAG_S = 0.4, 2e-3, 1.0
+
+
+def laws_of(*runs):
+    hardware = rig(2)
+    made = [machine_run(f"run {k}", each, [route_of_rig(hardware)], hardware) for k, each in enumerate(runs)]
+    machine = machine_of(hardware, [route_of_rig(hardware)])
+    every = free_laws(made, [simulate_machine(machine, dict(run.given)) for run in made], hardware)
+    return {law.name: law for law in every}
 
 
 @pytest.fixture(scope="module")
 def laws():
-    hardware = rig(2)
-    run = machine_run("run", columns(2), [route_of_rig(hardware)], hardware)
-    plain = simulate_machine(machine_of(hardware, [route_of_rig(hardware)]), dict(run.given))
-    return {law.name: law for law in free_laws([run], [plain], hardware)}
+    return laws_of(columns(2), columns(2, seed=2))
 
 
 def test_laws_are_over_what_the_runs_reach(laws):
@@ -27,6 +32,10 @@ def test_laws_are_over_what_the_runs_reach(laws):
     time, speed = (laws[f"friction_over_{each}"].mechanism.x for each in ("time", "speed"))
     assert time[[0, -1]] == pytest.approx([0.0, 48.0])
     assert 0.5 < speed[-1] / (ARM * 0.9 * 2.0 * np.pi * 3.0 / 12.0) < 1.1
+
+
+def test_one_run_has_no_law_over_time_and_travel(laws):
+    assert set(laws) - set(laws_of(columns(2))) == {"friction_over_time", "friction_over_travel"}
 
 
 def test_no_law_does_what_the_base_model_has_a_number_for(laws):
@@ -49,9 +58,8 @@ def test_other_knots_leave_a_law_as_it_is(laws):
         assert np.ptp(curve - own) < 0.25 * np.ptp(own)  # up to the constant that the base model has
 
 
-@pytest.mark.parametrize("torque", [True, False], ids=["torque", "displacement only"])
-def test_friction_that_falls_with_speed_is_a_law_whose_band_holds_it(torque):
-    falls = columns(2, torque=torque, stribeck_gain=PEAK, stribeck_speed_m_per_s=DECAY, speed_lag_s=LAG_S)
+def test_friction_that_falls_with_speed_is_a_law_within_its_band():
+    falls = columns(2, stribeck_gain=PEAK, stribeck_speed_m_per_s=DECAY, speed_lag_s=LAG_S)
     finding = finding_of(2, falls)
     assert finding.verdict == "law"
     (effect,) = finding.effects
@@ -59,12 +67,13 @@ def test_friction_that_falls_with_speed_is_a_law_whose_band_holds_it(torque):
     law = effect.law
     assert law is not None
     true = MU * (1.0 + PEAK * np.exp(-law.x / DECAY))
-    reached = law.x < 0.9 * law.x[-1]
-    assert np.mean((law.low <= true)[reached] & (true <= law.high)[reached]) > 0.8
+    slid = (law.x > 0.02 * law.x[-1]) & (law.x < 0.9 * law.x[-1])
+    np.testing.assert_allclose(law.value[slid], true[slid], rtol=0.03)
+    assert np.mean((law.low <= true) & (true <= law.high)) > 0.5
     before, after = held(finding, "joint_angle_rad")
-    assert before > 8.0 * NOISE["joint_angle_rad"]
-    assert after < 0.3 * before
+    assert before > 4.0 * NOISE["joint_angle_rad"]
+    assert after < 1.2 * NOISE["joint_angle_rad"]
     (own,) = finding.rig.effects
     assert isinstance(own, FrictionLaw)
-    assert own.over == "speed"
+    assert own.memory_s == pytest.approx(LAG_S, rel=0.1)
     assert "speed of sliding" in finding.sentence

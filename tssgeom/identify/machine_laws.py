@@ -156,9 +156,9 @@ def _mechanisms(
     )
     every = list(chain.from_iterable(ways))
     travel = max(float(np.abs(np.diff(way)).sum()) for way in every)
-    if travel > 0.0:
+    if len(runs) > 1 and travel > 0.0:  # of one run nothing repeats what else changes on its way
         yield friction_law("travel", np.linspace(0.0, travel, usual), "m")
-    yield friction_law("time", np.linspace(0.0, max(float(np.ptp(each)) for each in times), usual), "s")
+        yield friction_law("time", np.linspace(0.0, max(float(np.ptp(each)) for each in times), usual), "s")
     low, high = min(float(way.min()) for way in every), max(float(way.max()) for way in every)
     if high > low:
         yield friction_law("position", np.linspace(low, high, usual), "m")

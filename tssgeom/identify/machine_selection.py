@@ -43,7 +43,7 @@ def selected_parts(
     kept: Sequence[MachineRun],
     progress: Callable[[float], object] = lambda share: None,
 ) -> PartSelection:
-    """Choose parts as long as one passes, then take out what the others have made needless.
+    """Choose parts and laws as long as one passes, then take out what the others have made needless.
 
     Where the fit without a part, begun where that with it ends, needs it no more, it goes on there; (303).
     """
@@ -52,8 +52,7 @@ def selected_parts(
     before = cache(partial(forecast, base))
     while len(model.parts) < SEARCH.most:
         progress(len(model.parts) / SEARCH.most)
-        now = with_forecasts(before, part_step(base, model, parts, kept))
-        made = (now,) if now.chosen else two_steps(base, before, now, parts, kept)
+        made = _next_steps(base, before, model, parts, kept)
         best = made[-1].chosen
         less = None if best is None else without_needless(best.model, len(best.model.parts) - 1, kept)
         if less is not None and again < MACHINE_SEARCH.again:
@@ -63,25 +62,30 @@ def selected_parts(
         steps += made
         if best is None:
             break
-        model = best.model
-    return _with_laws(before, PartSelection(base, _backward(model, kept), tuple(steps)), kept)
-
-
-def _with_laws(
-    before: Callable[[], Forecast | None], chosen: PartSelection, kept: Sequence[MachineRun]
-) -> PartSelection:
-    """Return a selection with free laws where they pass, and without the parts that they do better; (311)."""
-    base, model, steps = chosen.base, chosen.model, list(chosen.steps)
+        model = without_formulae(best.model, kept) if best.part.laws else best.model
+    model = _backward(model, kept)
     for step in laws_for_formulae(base, model, kept):
         steps.append(step)
         model = model if step.chosen is None else _backward(step.chosen.model, kept)
-    while len(model.parts) < SEARCH.most:
-        steps.append(with_forecasts(before, law_step(base, model, kept)))
-        best = steps[-1].chosen
-        if best is None:
-            break
-        model = _backward(without_formulae(best.model, kept), kept)
     return PartSelection(base, model, tuple(steps))
+
+
+def _next_steps(
+    base: FittedModel,
+    before: Callable[[], Forecast | None],
+    model: FittedModel,
+    parts: Sequence[Part],
+    kept: Sequence[MachineRun],
+) -> tuple[PartStep, ...]:
+    """Return a step of parts; where none passes that and one of free laws, (311), or two of parts, (290)."""
+    now = with_forecasts(before, part_step(base, model, parts, kept))
+    if now.chosen:
+        return (now,)
+    laws = with_forecasts(before, law_step(base, model, kept))
+    if laws.chosen:
+        return now, laws
+    first, *more = two_steps(base, before, now, parts, kept)
+    return (first, *more) if more else (first, laws)
 
 
 def part_step(
