@@ -115,16 +115,22 @@ def _identified(
     `how` is the seed, folders of new runs, and what is to be designed.
     """
     from tssgeom.errors import SettingsError
-    from tssgeom.io.formats.machine_campaigns import is_machine_campaign, read_machine_campaign
+    from tssgeom.io.formats.machine_campaigns import (
+        is_machine_campaign,
+        read_machine_campaign,
+        with_machine_runs,
+    )
 
     seed, more, design = how
     if is_machine_campaign(campaign, said):
         from tssgeom.identify.machine_discovery import discover_machine
 
-        for option, given in (("--propose", design), ("--with", more)):
-            if given:
-                raise SettingsError(f"{option} takes campaigns of one tendon: {campaign} is of a machine")
-        return discover_machine(read_machine_campaign(campaign, unit, said), progress=report)
+        if design:
+            raise SettingsError(f"--propose takes campaigns of one tendon: {campaign} is of a machine")
+        machine = read_machine_campaign(campaign, unit, said)
+        for folder in more:
+            machine = with_machine_runs(machine, folder, unit, said)
+        return discover_machine(machine, progress=report)
     from tssgeom.identify import workflow
     from tssgeom.io.formats.campaigns import read_campaign
 

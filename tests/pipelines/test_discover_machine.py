@@ -8,6 +8,8 @@ import pytest
 
 from pipelines.cli import main
 from tests.identify.test_machine_discovery import ANGLE, ARM, LENGTH, MU, PRETENSION, RHO, columns
+from tssgeom.errors import SettingsError
+from tssgeom.io.formats.machine_campaigns import read_machine_campaign, with_machine_runs
 from tssgeom.rig import read_rig
 
 RIG = f"""
@@ -86,3 +88,29 @@ def test_a_shape_that_is_left_out_needs_a_route_in_the_rig(results, tmp_path, ca
     (tmp_path / "rig.toml").write_text(RIG.partition("[route]")[0], "utf-8")
     assert command("discover", tmp_path, "--out", tmp_path / "out", "--quiet") == 2
     assert "route.length_m and route.angle_rad" in capsys.readouterr().err
+
+
+def test_new_runs_of_a_machine_are_added_and_what_is_held_out_stays(results, tmp_path):
+    one = read_machine_campaign(results)
+    (tmp_path / "run.csv").write_bytes((results / "run.csv").read_bytes())
+    (tmp_path / "campaign.toml").write_text('[[run]]\ndata = "run.csv"\n', "utf-8")
+    both = with_machine_runs(one, tmp_path)
+    assert [run.name for run in both.runs] == ["run", f"{tmp_path.name}_run"]
+    assert both.held_out == ()
+    assert both.notes[-1].endswith(f"added from {tmp_path}")
+    with pytest.raises(SettingsError, match="name each folder once"):
+        with_machine_runs(both, tmp_path)
+    more = tmp_path / "more"
+    more.mkdir()
+    (more / "run.csv").write_bytes((results / "run.csv").read_bytes())
+    (more / "campaign.toml").write_text('[[run]]\ndata = "run.csv"\n', "utf-8")
+    assert with_machine_runs(both, more).held_out == (f"{tmp_path.name}_run",)
+
+
+def test_a_command_takes_new_runs_of_a_machine_and_proposes_none(results, tmp_path, capsys):
+    out = tmp_path / "out"
+    assert command("discover", results, "--with", tmp_path / "none", "--out", out, "--quiet") == 2
+    assert "none" in capsys.readouterr().err
+    assert command("discover", results, "--propose", "1", "--out", out, "--quiet") == 2
+    assert "--propose takes campaigns of one tendon" in capsys.readouterr().err
+    assert not out.exists()

@@ -68,8 +68,13 @@ class TriedPart:
     @property
     def passes(self) -> bool:
         """Whether evidence, size, held-out readings and physics all allow it."""
-        evident = self.least > EVIDENCE_SCALE.very_strong and self.size > 1.0
+        evident = self.least > EVIDENCE_SCALE.very_strong and self.size > 1.0 and self.is_shown
         return evident and not self.refusal and not self.contradiction
+
+    @property
+    def is_shown(self) -> bool:
+        """Whether held-out readings alone ask for a law, which follows what it is fitted to."""
+        return not self.part.laws or -self.rise > EVIDENCE_SCALE.very_strong
 
     @property
     def why_not(self) -> str:
@@ -81,6 +86,8 @@ class TriedPart:
             return f"its ΔBIC, held-out readings included, of {self.evidence:.1f} is below {needed:.0f}."
         if self.size <= 1.0:
             return f"it changes no channel by more than {self.size:.2g} of the detection limit."
+        if not self.is_shown:
+            return "the held-out readings do not show it."
         return f"{why}." if (why := self.refusal or self.contradiction) else ""
 
 

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import msgspec
 
 from tssgeom.errors import SettingsError, TssgeomError
 from tssgeom.identify.machine_finding import MachineCampaign
-from tssgeom.identify.machine_run import load_remarks, machine_run
+from tssgeom.identify.machine_run import MachineRun, load_remarks, machine_run
 from tssgeom.io.formats.campaigns import (
     Listed,
+    Plan,
     listing_of,
     read_columns,
     read_finer_pieces,
@@ -82,10 +84,44 @@ def read_machine_campaign(
     rig, uncertain = read_uncertain_rig(home / plan.rig)
     said, notes = columns.with_rig(rig.columns), list[str]()
     notes += [f"{plan.rig}: {warning}" for warning in warnings_of(plan.rig, rig_remarks(rig))]
+    runs, held = _runs(listing, plan, rig, unit, said, notes)
+    return MachineCampaign(home.resolve().name, rig, uncertain, runs, held, tuple(notes))
+
+
+def with_machine_runs(
+    campaign: MachineCampaign, folder: Path, unit: str | None = None, columns: ColumnMap = NO_MAP
+) -> MachineCampaign:
+    """Return a campaign with the runs that the `campaign.toml` of a folder lists, whose rig is not read.
+
+    What is held out of several runs stays, beside what the new ones mark.
+
+    Raises
+    ------
+    SettingsError, ShapeError, SourceError
+        As `read_campaign`.
+    """
+    listing, notes = listing_of(folder), list[str]()
+    plan, rig = read_plan(listing), campaign.rig
+    runs, held = _runs(listing, plan, rig, unit, columns.with_rig(rig.columns), notes)
+    taken = {run.name for run in campaign.runs}
+    names = {run.name: f"{folder.resolve().name}_{run.name}" for run in runs if run.name in taken}
+    if again := [name for name in names.values() if name in taken]:
+        raise SettingsError(f"--with {folder}: {again[0]} is there already: name each folder once")
+    named = tuple(replace(run, name=names.get(run.name, run.name)) for run in runs)
+    last = (campaign.runs[-1].name,) if len(campaign.runs) > 1 else ()
+    held = (*(campaign.held_out or last), *(names.get(name, name) for name in held))
+    notes.append(f"{', '.join(run.name for run in named)}: added from {folder}")
+    every = (*campaign.runs, *named)
+    return replace(campaign, runs=every, held_out=held, notes=(*campaign.notes, *notes))
+
+
+def _runs(
+    listing: Path, plan: Plan, rig: Rig, unit: str | None, said: ColumnMap, notes: list[str]
+) -> tuple[tuple[MachineRun, ...], tuple[str, ...]]:
+    """Return the runs that a campaign lists, and the names of those that are held out."""
+    home, names, runs = listing.parent, run_names(listing, plan.run), list[MachineRun]()
     routes = _Routes(home, rig, unit, said, notes)
     routes.read(plan.run)
-    runs = []
-    names = run_names(listing, plan.run)
     for name, listed in zip(names, plan.run, strict=True):
         path = home / listed.data
         columns_of_run = read_columns(path, name, said, notes)
@@ -94,8 +130,8 @@ def read_machine_campaign(
         except TssgeomError as error:
             raise type(error)(f"{path}: {error}") from error
     notes += [each.text for each in load_remarks(runs, rig)]
-    held = [name for name, listed in zip(names, plan.run, strict=True) if listed.held_out]
-    return MachineCampaign(home.resolve().name, rig, uncertain, tuple(runs), tuple(held), tuple(notes))
+    held = tuple(name for name, listed in zip(names, plan.run, strict=True) if listed.held_out)
+    return tuple(runs), held
 
 
 class _Routes:
