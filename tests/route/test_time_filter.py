@@ -57,6 +57,16 @@ def test_the_noise_that_is_left_is_as_large_as_stated(name):
     assert np.mean(bound) < 1.1 * NOISE
 
 
+def test_in_its_first_frames_a_route_that_stands_is_not_taken_to_move():
+    for seed in range(20):
+        first, *later = [state.stands for state, _, _ in streamed(MOTIONS["stands"], frames=20, seed=seed)]
+        assert first is None
+        assert False not in later
+        assert later[-1]
+    moving = [state.stands for state, _, _ in streamed(MOTIONS["sways quickly"], frames=20)]
+    assert set(moving[3:]) == {False}
+
+
 def test_the_points_of_a_route_that_stands_improve_as_the_root_of_the_frames():
     errors = np.zeros(100)
     for seed in range(6):

@@ -81,3 +81,14 @@ def test_a_distal_tension_keeps_the_error_with_which_it_was_reached():
     pulled = step(state, sensed(1.5, 0.01), RIG, tension_in=30.0)
     _, last = transmit_after(state, pulled, RIG, stands=False)
     assert last.tension_out_se == pytest.approx(last.tension_out * MU * math.hypot(0.01, 0.01), rel=1e-2)
+
+
+def test_a_distal_tension_that_no_drive_reaches_keeps_its_error_where_bends_along_the_tendon_push_it():
+    before = pretensioned(RIG)
+    state, first = transmit_after(before, step(before, sensed(1.0, 0.05), RIG, tension_in=10.0), RIG, False)
+    errors = np.diag([1e-6, 1e-6, 1e-4, 1e-4])
+    pushed = Arcs(LENGTH, ANGLE + np.array([0.8, -0.3]), errors, "spline")  # more in all, less at the end
+    _, later = transmit_after(state, step(state, pushed, RIG, tension_in=10.0), RIG, stands=False)
+    assert later.tension_out > 1.002 * first.tension_out
+    assert later.dead_zone
+    assert later.tension_out_se >= first.tension_out_se

@@ -189,6 +189,30 @@ def test_what_no_point_shows_of_a_route_is_the_same_in_each_frame_and_hides_no_m
     assert not unmoved(here, route_of(json.loads(json.dumps(route_object(far)))))
 
 
+def test_what_the_model_leaves_unknown_of_frames_that_share_it_hides_no_movement_from_the_tendon():
+    noise, models = np.diag([0.0, 0.0, 1e-4, 1e-4]), np.zeros((4, 4))
+    models[2:, 2:] = 0.09  # [rad²] of an angle of 3.5 rad: 0.6 rad in all
+    wide = [
+        Arcs(np.array([0.2, 0.3]), share * np.array([1.75, 1.75]), noise + share**2 * models, "arcs")
+        for share in (1.0, 0.9, 0.8, 0.9, 1.0)
+    ]
+    shared = [replace(route, model_variance=4.0 * route.covariance[2, 3]) for route in wide]
+    ends = []
+    for routes in (wide, shared):
+        state = pretensioned(Rig())
+        for route in routes:
+            state = step(state, route, Rig(), tension_in=10.0)
+        ends.append(transmit(state, Rig()).tension_out)
+    still, least = (10.0 * math.exp(-MU * angle) for angle in (3.5, 0.8 * 3.5))
+    assert ends == pytest.approx([still, least], rel=1e-3)
+    far = shared[1]
+    assert far.covariance_without_form == pytest.approx(far.covariance)
+    assert far.scaled(angle=0.5).noise_covariance[2:, 2:] == pytest.approx(0.25 * noise[2:, 2:])
+    assert far.with_errors(0.5).model_variance == pytest.approx(0.25 * far.model_variance)
+    assert between(far, far, 1e-12).model_variance == pytest.approx(far.model_variance)
+    assert route_of(json.loads(json.dumps(route_object(far)))).model_variance == far.model_variance
+
+
 # --- between frames -----------------------------------------------------------------------------------------
 
 

@@ -304,7 +304,7 @@ def _directions(arcs: Arcs) -> list[Vector]:
     Without that of a form which no point shows: all runs on a route share it, as they do its friction.
     """
     k = len(arcs.length)
-    value, way = np.linalg.eigh(arcs.noise_covariance[k:, k:])
+    value, way = np.linalg.eigh(arcs.covariance_without_form[k:, k:])
     order = np.argsort(value)[::-1][: NOISE.arc_modes]
     return [math.sqrt(value[i]) * way[:, i] for i in order if value[i] > 1e-9]
 

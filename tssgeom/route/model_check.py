@@ -147,11 +147,12 @@ class TrackedFit:
     @classmethod
     def of(cls, fit: RouteFit, index: Vector) -> TrackedFit:
         """Begin with a fit that was made from nothing."""
-        return cls(fit, index, by_models=SharedErrors(*fit.by_models))
+        added = SharedErrors(*fit.by_models)
+        return cls(added.of_stream(fit), index, by_models=added)
 
     def beside(self, fit: RouteFit) -> RouteFit:
         """Return the fit of a later frame with these variances added."""
-        return replace(self.by_models.of_models(fit), turned=self.fit.turned)
+        return replace(self.by_models.of_stream(self.by_models.of_models(fit)), turned=self.fit.turned)
 
     def with_check(self, check: ModelCheck | None) -> TrackedFit:
         """Begin a check, where there is one."""

@@ -31,6 +31,9 @@ class Arcs(Result):
     form_variance: float = 0.0
     """Part of the variance of Φ that comes from a form which no point shows, in `covariance` in proportion to
     the angles: it is the same in each frame [rad²]."""
+    model_variance: float = 0.0
+    """Part of the variance of Φ from not knowing the model, that of the form included: fits that go on from
+    frame to frame share it; 0 of a fit by itself [rad²]."""
 
     @classmethod
     def exact(cls, length: Vector, angle: Vector) -> Arcs:
@@ -41,7 +44,12 @@ class Arcs(Result):
     def with_errors(self, factor: float) -> Arcs:
         """Return the pieces with all of their standard errors times a factor."""
         square = factor**2
-        return replace(self, covariance=square * self.covariance, form_variance=square * self.form_variance)
+        return replace(
+            self,
+            covariance=square * self.covariance,
+            form_variance=square * self.form_variance,
+            model_variance=square * self.model_variance,
+        )
 
     def scaled(self, length: float = 1.0, angle: float = 1.0) -> Arcs:
         """Return the pieces with all lengths and all angles times a factor each, as their errors are."""
@@ -55,6 +63,7 @@ class Arcs(Result):
             angle=read_only(angle * self.angle),
             covariance=covariance,
             form_variance=angle**2 * self.form_variance,
+            model_variance=angle**2 * self.model_variance,
         )
 
     def moved(self, by: Vector) -> Arcs:
@@ -68,12 +77,20 @@ class Arcs(Result):
 
     @property
     def noise_covariance(self) -> Matrix:
-        """Covariance of what differs from frame to frame, as `covariance`: without that of the form."""
-        if self.form_variance == 0.0 or self.total_angle == 0.0:
+        """Covariance of what differs from frame to frame, as `covariance`; docs/model.md (321)."""
+        return self._without(max(self.form_variance, self.model_variance))
+
+    @property
+    def covariance_without_form(self) -> Matrix:
+        """Covariance without that of a form which no point shows, as `covariance`."""
+        return self._without(self.form_variance)
+
+    def _without(self, variance: float) -> Matrix:
+        if variance == 0.0 or self.total_angle == 0.0:
             return self.covariance
         k = len(self.length)
         covariance = np.array(self.covariance)
-        covariance[k:, k:] -= spread_over(self.angle, self.form_variance)
+        covariance[k:, k:] -= spread_over(self.angle, variance)
         return covariance
 
     @property

@@ -106,7 +106,9 @@ def _with_total(fit: RouteFit, angle: float) -> RouteFit:
     covariance[k:] = 0.0
     covariance[:, k:] = 0.0
     turned = read_only(fit.arcs.angle * share)
-    arcs = replace(fit.arcs, angle=turned, covariance=read_only(covariance), form_variance=0.0)
+    arcs = replace(
+        fit.arcs, angle=turned, covariance=read_only(covariance), form_variance=0.0, model_variance=0.0
+    )
     return fit.scaled(share, arcs)
 
 

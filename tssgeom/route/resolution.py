@@ -82,6 +82,10 @@ class SharedErrors(NamedTuple):
         form = fit.arcs.form_variance + self.form
         return replace(fit, arcs=replace(fit.arcs, form_variance=form)) if self.form > 0.0 else fit
 
+    def of_stream(self, fit: RouteFit) -> RouteFit:
+        """Note in a fit that has these of models that it shares them with those before and after it."""
+        return replace(fit, arcs=replace(fit.arcs, model_variance=self.angle)) if self.angle > 0.0 else fit
+
 
 NO_ERRORS = SharedErrors(0.0, 0.0)
 

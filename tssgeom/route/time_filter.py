@@ -38,8 +38,8 @@ class FilterLimits:
     """Least share of a stated variance that counts as constant in time [1]. Chosen: what changes is known to
     some 10 % after a few frames."""
     moves: float = 0.01
-    """Probability that it stands below which a fibre is taken to move [1]. Chosen: one component needs frames
-    to show it."""
+    """Probability that it stands below which a route is taken to move [1]. Chosen: it takes frames to show
+    that it stands."""
     exchanged: float = 0.1
     """Squared distances of two points that are exchanged over those as they came [1]. Chosen."""
 
@@ -105,7 +105,7 @@ class PointFilter(NamedTuple):
             return None
         if self.standing > EVEN:
             return True
-        return None if self.turning is not None and self.standing > FILTER.moves else False
+        return None if self.standing > FILTER.moves else False
 
 
 def begun(points: Points, noise: float, time: float, cell: Vector | None = None) -> PointFilter | None:

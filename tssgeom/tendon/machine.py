@@ -238,9 +238,9 @@ def routed(arcs: Arcs, rig: Rig) -> Arcs:
     angle = 1.0 if given.angle_rad is None else given.angle_rad / arcs.total_angle
     arcs = arcs.scaled(length, angle * given.angle_gain)
     sensed = np.repeat((given.length_m is None, given.angle_rad is None), len(arcs.length))
-    form = arcs.form_variance if given.angle_rad is None else 0.0
+    shared = (arcs.form_variance, arcs.model_variance) if given.angle_rad is None else (0.0, 0.0)
     covariance = read_only(arcs.covariance * np.outer(sensed, sensed))
-    return replace(arcs, covariance=covariance, form_variance=form)
+    return replace(arcs, covariance=covariance, form_variance=shared[0], model_variance=shared[1])
 
 
 def route_of_rig(rig: Rig) -> Arcs:

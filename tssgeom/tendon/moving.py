@@ -64,7 +64,10 @@ def between(first: Arcs, second: Arcs, share: float) -> Arcs:
     cells = len(edges) - 1
     method = first.method if share < 0.5 else second.method
     form = (1 - share) ** 2 * first.form_variance + share**2 * second.form_variance
-    return Arcs(read_only(values[:cells]), read_only(values[cells:]), read_only(covariance), method, form)
+    models = (1 - share) ** 2 * first.model_variance + share**2 * second.model_variance
+    return Arcs(
+        read_only(values[:cells]), read_only(values[cells:]), read_only(covariance), method, form, models
+    )
 
 
 def _values(arcs: Arcs) -> Vector:

@@ -161,8 +161,8 @@ def _check_route(route: Arcs) -> None:
     require(numbers(route.length, pieces) and pieces > 0 and route.length.min() > 0.0, "length of pieces")
     require(numbers(route.angle, pieces) and route.angle.min() >= 0.0, "angle of pieces")
     require(numbers(route.covariance, 2 * pieces, 2 * pieces), "covariance of pieces")
-    form = route.form_variance
-    require(isinstance(form, float) and 0.0 <= form < math.inf, "variance of the form of pieces")
+    for part in (route.form_variance, route.model_variance):
+        require(isinstance(part, float) and 0.0 <= part < math.inf, "shared variance of pieces")
 
 
 def _check_corners(along: Corners) -> None:

@@ -301,8 +301,9 @@ def transmit_after(
     """
     result = transmit(now, rig)
     error = result.tension_out_se
-    if before.route is not None and _keeps_tension_out(before, now, rig, stands):
-        error = max(error, before.tension_out_se)
+    if before.route is not None and not (stands and _slides_at_end(now, rig)):
+        dead = abs(now.tension_out - before.tension_out) <= UNCHANGED * now.tension_out
+        error = max(error, before.tension_out_se) if dead or result.dead_zone else error
     more = math.sqrt(max(error**2 - result.tension_out_se**2, 0.0))
     kept = 0.5 * rig.tendon.compliance_per_N * route_of(now).total_length * more  # none at the proximal end
     elongation_se = math.hypot(result.elongation_se, kept)
@@ -310,15 +311,12 @@ def transmit_after(
     return replace(now, tension_out_se=error), result
 
 
-def _keeps_tension_out(before: TendonState, now: TendonState, rig: Rig, stands: bool | None) -> bool:
-    """Whether the distal tension is what it was, and owes nothing to what is now known of the route."""
+def _slides_at_end(now: TendonState, rig: Rig) -> bool:
+    """Whether all of the distal tension follows from what is now known of a route that stands."""
     along = now.along
-    if stands:
-        if isinstance(along, Corners) or along.has_effects:
-            return False
-        if abs(end_slope(along, route_of(now))) >= AT_LIMIT * rig.friction.coefficient:
-            return False
-    return abs(now.tension_out - before.tension_out) <= UNCHANGED * now.tension_out
+    if isinstance(along, Corners) or along.has_effects:
+        return True
+    return abs(end_slope(along, route_of(now))) >= AT_LIMIT * rig.friction.coefficient
 
 
 def _compared(state: TendonState, arcs: Arcs) -> tuple[Arcs, bool]:
