@@ -147,8 +147,7 @@ class TrackedFit:
     @classmethod
     def of(cls, fit: RouteFit, index: Vector) -> TrackedFit:
         """Begin with a fit that was made from nothing."""
-        added = SharedErrors(*fit.by_models)
-        return cls(added.of_stream(fit), index, by_models=added)
+        return cls(fit, index, by_models=SharedErrors(*fit.by_models))
 
     def beside(self, fit: RouteFit) -> RouteFit:
         """Return the fit of a later frame with these variances added."""

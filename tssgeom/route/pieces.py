@@ -33,7 +33,7 @@ class Arcs(Result):
     the angles: it is the same in each frame [rad²]."""
     model_variance: float = 0.0
     """Part of the variance of Φ from not knowing the model, that of the form included: fits that go on from
-    frame to frame share it; 0 of a fit by itself [rad²]."""
+    frame to frame share it; 0 of one from nothing [rad²]."""
 
     @classmethod
     def exact(cls, length: Vector, angle: Vector) -> Arcs:
@@ -79,6 +79,12 @@ class Arcs(Result):
     def noise_covariance(self) -> Matrix:
         """Covariance of what differs from frame to frame, as `covariance`; docs/model.md (321)."""
         return self._without(max(self.form_variance, self.model_variance))
+
+    @property
+    def noise_angle_se(self) -> float:
+        """Standard error of the accumulated curve angle by what differs from frame to frame [rad]."""
+        k = len(self.length)
+        return math.sqrt(max(float(self.noise_covariance[k:, k:].sum()), 0.0))
 
     @property
     def covariance_without_form(self) -> Matrix:

@@ -83,7 +83,7 @@ class SharedErrors(NamedTuple):
         return replace(fit, arcs=replace(fit.arcs, form_variance=form)) if self.form > 0.0 else fit
 
     def of_stream(self, fit: RouteFit) -> RouteFit:
-        """Note in a fit that has these of models that it shares them with those before and after it."""
+        """Note in a fit that has these of models that it shares them with the one that it goes on from."""
         return replace(fit, arcs=replace(fit.arcs, model_variance=self.angle)) if self.angle > 0.0 else fit
 
 

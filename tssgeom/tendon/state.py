@@ -328,7 +328,7 @@ def _compared(state: TendonState, arcs: Arcs) -> tuple[Arcs, bool]:
         return arcs, False  # a tension that is the same all along lies as well on any route
     if not unmoved(known, arcs):
         return known, True
-    sharper = isinstance(along, Corners) and arcs.total_angle_se < SHARPER * known.total_angle_se
+    sharper = isinstance(along, Corners) and arcs.noise_angle_se < SHARPER * known.noise_angle_se
     return arcs if sharper else known, False
 
 
