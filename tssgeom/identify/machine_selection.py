@@ -145,6 +145,7 @@ def two_steps(
 
 def _backward(model: FittedModel, kept: Sequence[MachineRun]) -> FittedModel:
     """Take out, one after the other, parts that the others have made needless."""
-    fewer = (without_needless(model, which, kept) for which in range(len(model.parts) - 1))
+    last = 1 if model.parts and not model.parts[-1].laws else 0  # that was needed when it came
+    fewer = (without_needless(model, which, kept) for which in range(len(model.parts) - last))
     less = next((each for each in fewer if each is not None), None)
     return model if less is None else _backward(less, kept)
