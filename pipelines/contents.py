@@ -18,7 +18,6 @@ from tssgeom.io.formats.campaigns import is_campaign, listing_of, read_campaign,
 from tssgeom.io.formats.columns import CHANNELS, MEASURED
 from tssgeom.io.formats.files import Recording, open_recording
 from tssgeom.io.formats.laboratory.mapping import ColumnMap
-from tssgeom.io.formats.machine_campaigns import is_machine_campaign, read_machine_campaign
 from tssgeom.io.formats.meshes import ENDINGS, read_lumen
 from tssgeom.io.formats.runs import IN_SI, holds_run, read_run
 from tssgeom.mechanism import tendon_count
@@ -91,6 +90,8 @@ def _checked_run(path: Path, columns: ColumnMap) -> dict[str, Any]:
 
 
 def _checked_campaign(path: Path, unit: str | None, columns: ColumnMap) -> dict[str, Any]:
+    from tssgeom.io.formats.machine_campaigns import is_machine_campaign  # loads how machines are fitted
+
     if is_machine_campaign(path, columns):
         return _checked_machine_campaign(path, unit, columns)
     campaign = read_campaign(path, unit, columns)
@@ -117,6 +118,8 @@ def _checked_campaign(path: Path, unit: str | None, columns: ColumnMap) -> dict[
 
 
 def _checked_machine_campaign(path: Path, unit: str | None, columns: ColumnMap) -> dict[str, Any]:
+    from tssgeom.io.formats.machine_campaigns import read_machine_campaign
+
     campaign = read_machine_campaign(path, unit, columns)
     routes, runs = dict[str, float](), []
     for listed, run in zip(read_plan(listing_of(path)).run, campaign.runs, strict=True):

@@ -11,6 +11,8 @@ from pipelines.cli import COMMANDS
 SHAPE = Path(__file__).parents[1] / "sample_shapes" / "half_circle.csv"
 HEAVY = ("cv2", "matplotlib", "numba", "pandas", "pyarrow", "rerun", "scipy", "trimesh")
 """Libraries that the analysis of one shape does not need."""
+FOLLOWING = "tssgeom.adapt"
+"""The package that follows a rig, which a rig that is not followed does not need."""
 ARITHMETIC = ("msgspec", "numpy")
 
 _HALF_CIRCLE = """
@@ -46,14 +48,32 @@ def test_the_package_alone_imports_nothing():
     ],
 )
 def test_an_analysis_imports_nothing_heavy(call):
-    assert imported(_HALF_CIRCLE + call, HEAVY)[0] == []
+    assert imported(_HALF_CIRCLE + call, (*HEAVY, FOLLOWING))[0] == []
 
 
 @pytest.mark.parametrize("options", [[], ["--json"]])
 def test_the_command_analyse_of_one_shape_imports_nothing_heavy(options):
-    names, printed = imported(_COMMAND.format(words=["analyse", str(SHAPE), *options]), HEAVY)
+    names, printed = imported(_COMMAND.format(words=["analyse", str(SHAPE), *options]), (*HEAVY, FOLLOWING))
     assert names == []
     assert "half_circle" in printed
+
+
+def test_the_command_check_of_a_shape_imports_nothing_heavy():
+    assert imported(_COMMAND.format(words=["check", str(SHAPE)]), (*HEAVY, FOLLOWING))[0] == []
+
+
+@pytest.mark.parametrize(
+    ("options", "unneeded"),
+    [
+        ([], ("cv2", "scipy", "trimesh", FOLLOWING)),
+        (["--no-pictures"], ("cv2", "matplotlib", "rerun", "scipy", "trimesh", FOLLOWING)),
+    ],
+)
+def test_a_batch_without_lumen_imports_no_meshes_and_without_pictures_nothing_that_draws(
+    options, unneeded, tmp_path
+):
+    words = ["batch", str(SHAPE), "--out", str(tmp_path / "out"), "--quiet", *options]
+    assert imported(_COMMAND.format(words=words), unneeded)[0] == []
 
 
 def test_help_of_every_command_imports_no_arithmetic():

@@ -7,9 +7,8 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from threading import Condition
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
-from tssgeom.adapt.follower import Follower
 from tssgeom.errors import TssgeomError
 from tssgeom.frame import Frame
 from tssgeom.plausibility.frames import FrameWatch
@@ -21,6 +20,9 @@ from tssgeom.smoothed_frames import along_the_route, smoothed_in_time, smoothed_
 from tssgeom.stream import Carried, FrameResult, Rejected, at_rest, drives_tendon, held, pulled
 from tssgeom.tendon.commander import Commander
 from tssgeom.tendon.state import TendonState
+
+if TYPE_CHECKING:
+    from tssgeom.adapt.follower import Follower
 
 _Result = TypeVar("_Result")
 _FAULTS = (TssgeomError, ArithmeticError)  # of one frame: the next may be sound

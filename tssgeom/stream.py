@@ -4,12 +4,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
-from tssgeom.adapt import carry, carry_machine
-from tssgeom.adapt.alert import Alert
-from tssgeom.adapt.followed_tendon import with_filter
-from tssgeom.adapt.follower import Follower
-from tssgeom.adapt.readings import FollowedRig, Readings
 from tssgeom.effects import named
 from tssgeom.errors import SettingsError
 from tssgeom.frame import Frame
@@ -43,6 +39,11 @@ from tssgeom.tendon.machine_stream import (
 )
 from tssgeom.tendon.state import TendonState, pretensioned, transmit_after
 from tssgeom.tendon.transmission import Transmission
+
+if TYPE_CHECKING:  # a stream whose rig is not followed does not load what follows rigs
+    from tssgeom.adapt.alert import Alert
+    from tssgeom.adapt.follower import Follower
+    from tssgeom.adapt.readings import FollowedRig
 
 Carried = TendonState | CarriedMachine
 """What goes on from frame to frame: one tendon, or a machine."""
@@ -184,6 +185,9 @@ def pulled(
     if follower is None:
         moved, command, commander = commander.moved(state, at, given, tension_in)
     else:
+        from tssgeom.adapt import carry
+        from tssgeom.adapt.readings import Readings
+
         read = Readings(tension_out=frame.tension_out, elongation=frame.elongation)
         moved, command, commander = carry.moved(follower, commander, state, at, given, read, tension_in)
         rig = follower.carried.rig
@@ -192,7 +196,11 @@ def pulled(
     moved, transmission = _transmitted(state, moved, rig, stands, shared)
     known = None if follower is None else follower.known
     if known is not None:
+        from tssgeom.adapt.followed_tendon import with_filter
+
         transmission = with_filter(transmission, known)
+    of_route = frame.warnings + shape.warnings + fit.warnings
+    of_frame = _temperature_warnings(rig, frame) + _unread(frame) + warnings
     return FrameResult(
         seq=seq,
         frame=frame,
@@ -201,13 +209,7 @@ def pulled(
         tracked=tracked,
         state=moved,
         transmission=transmission,
-        warnings=frame.warnings
-        + shape.warnings
-        + fit.warnings
-        + _temperature_warnings(rig, frame)
-        + _unread(frame)
-        + warnings
-        + (() if follower is None else follower.warnings),
+        warnings=of_route + of_frame + (() if follower is None else follower.warnings),
         command=command,
         commander=commander,
         followed=known,
@@ -243,9 +245,12 @@ def _of_machine(
     if follower is None:
         moment, of_machine = of_machine.moved(before, rig, readings, at)
     else:
+        from tssgeom.adapt import carry_machine
+
         moment = carry_machine.moved(follower, of_machine, before, readings, at)
     most = max(pulls, greatest_pull(moment.channels))
     warnings += tuple(warnings_of(None, [*remarks, *strain_remarks(rig, length, most)]))
+    of_route = frame.warnings + shape.warnings + fit.warnings
     return FrameResult(
         seq=seq,
         frame=frame,
@@ -254,11 +259,7 @@ def _of_machine(
         tracked=tracked,
         state=moment.tendon,
         transmission=moment.transmission,
-        warnings=frame.warnings
-        + shape.warnings
-        + fit.warnings
-        + warnings
-        + (() if follower is None else follower.warnings),
+        warnings=of_route + warnings + (() if follower is None else follower.warnings),
         commander=replace(commander, of_machine=of_machine),
         followed=None if follower is None else follower.known,
         alert=None if follower is None else follower.alert,

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
-from matplotlib import colormaps
 from numpy.typing import NDArray
 
 from tssgeom.arrays import Vector
@@ -53,8 +54,7 @@ BEFORE, AFTER = (230, 159, 0), (86, 180, 233)
 
 _DARKEST = 0.15  # of the map: darker colours vanish on the ground of a recording
 _SHIFTS = np.array([2.0**24, 2.0**16, 2.0**8])  # of red, green and blue in 0xRRGGBBAA
-_TABLE = np.asarray(colormaps["viridis"](np.linspace(_DARKEST, 1.0, 256)))[:, :3]
-_MISFIT_TABLE = np.asarray(colormaps["inferno"](np.linspace(0.25, 0.95, 256)))[:, :3]
+_DIMMEST, _BRIGHTEST = 0.25, 0.95  # of the map of misfits: unlike the ground, and unlike white
 
 
 def tension_rgb(tension: Vector, top: float) -> NDArray[np.float64]:
@@ -72,7 +72,7 @@ def tension_rgb(tension: Vector, top: float) -> NDArray[np.float64]:
     NDArray, shape (n, 3)
         Red, green and blue from 0 to 1.
     """
-    return _interpolated(_TABLE, tension, top)
+    return _interpolated(_table("viridis", _DARKEST, 1.0), tension, top)
 
 
 def tension_rgba32(tension: Vector, top: float) -> NDArray[np.uint32]:
@@ -82,7 +82,16 @@ def tension_rgba32(tension: Vector, top: float) -> NDArray[np.uint32]:
 
 def misfit_rgba32(value: Vector, top: float) -> NDArray[np.uint32]:
     """Give colours of the misfit share, from 0 to `top`, as opaque 0xRRGGBBAA; unlike any tension's."""
-    return (np.rint(255 * _interpolated(_MISFIT_TABLE, value, top)) @ _SHIFTS + 255).astype(np.uint32)
+    table = _table("inferno", _DIMMEST, _BRIGHTEST)
+    return (np.rint(255 * _interpolated(table, value, top)) @ _SHIFTS + 255).astype(np.uint32)
+
+
+@cache
+def _table(name: str, first: float, last: float) -> NDArray[np.float64]:
+    """Return 256 colours of a part of a map of matplotlib, which takes long to load [256, 3]."""
+    from matplotlib import colormaps
+
+    return np.asarray(colormaps[name](np.linspace(first, last, 256)))[:, :3]
 
 
 def _interpolated(table: NDArray[np.float64], value: Vector, top: float) -> NDArray[np.float64]:

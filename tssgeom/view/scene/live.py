@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
-import trimesh
 
 from tssgeom.adapt.alert import Alert
 from tssgeom.arrays import Matrix, Points, Vector
@@ -28,6 +28,9 @@ from tssgeom.view.scene.columns import Sender
 from tssgeom.view.scene.recording import send_pictures
 from tssgeom.view.scene.run import Run, send_numbers
 from tssgeom.view.scene.writer import send_layout
+
+if TYPE_CHECKING:
+    import trimesh
 
 _HEADROOM = 1.25  # of axes and of the camera's view, for frames to come
 _NODE_STEP, _MOST_POINTS = 8, 4096  # of the routes that the camera shows; chosen: it takes a millisecond

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import rerun as rr
-import trimesh
 from numpy.typing import NDArray
 
 from tssgeom.errors import SourceError
@@ -20,6 +20,9 @@ from tssgeom.view.scene.columns import Sender
 from tssgeom.view.scene.run import Run, run_of, send_series
 from tssgeom.view.scene.space import clearance_words, send_clearance, send_space
 from tssgeom.view.scene.writer import recording_file
+
+if TYPE_CHECKING:
+    import trimesh
 
 
 def write_recording(
