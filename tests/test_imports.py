@@ -8,7 +8,8 @@ import pytest
 
 from pipelines.cli import COMMANDS
 
-SHAPE = Path(__file__).parents[1] / "sample_shapes" / "half_circle.csv"
+SAMPLES = Path(__file__).parents[1] / "sample_shapes"
+SHAPE, CAMPAIGN = SAMPLES / "half_circle.csv", SAMPLES / "campaign_hidden_bend"
 HEAVY = ("cv2", "matplotlib", "numba", "pandas", "pyarrow", "rerun", "scipy", "trimesh")
 """Libraries that the analysis of one shape does not need."""
 FOLLOWING = "tssgeom.adapt"
@@ -73,6 +74,13 @@ def test_a_batch_without_lumen_imports_no_meshes_and_without_pictures_nothing_th
     options, unneeded, tmp_path
 ):
     words = ["batch", str(SHAPE), "--out", str(tmp_path / "out"), "--quiet", *options]
+    assert imported(_COMMAND.format(words=words), unneeded)[0] == []
+
+
+def test_the_command_simulate_imports_nothing_that_fits(tmp_path):
+    words = ["simulate", str(CAMPAIGN / "route_half_circle.csv"), "--drive", str(CAMPAIGN / "half_slow.csv")]
+    words += ["--out", str(tmp_path / "out"), "--quiet"]
+    unneeded = ("cv2", "scipy", "trimesh", FOLLOWING, "tssgeom.identify.fit")
     assert imported(_COMMAND.format(words=words), unneeded)[0] == []
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Protocol, TypeAlias
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 import numpy as np
 from msgspec.structs import replace as changed
@@ -16,7 +16,6 @@ from tssgeom.api.arguments import require_no_unit
 from tssgeom.arrays import Vector
 from tssgeom.engine import recorded
 from tssgeom.errors import SettingsError, ShapeError, TssgeomError
-from tssgeom.identify.calibrated_run import Measured
 from tssgeom.io.formats.files import open_recording
 from tssgeom.io.formats.laboratory.mapping import ColumnMap
 from tssgeom.io.formats.recording import Recording, in_order
@@ -30,6 +29,9 @@ from tssgeom.stream import Frame, FrameResult, Rejected
 from tssgeom.tendon.machine import route_of_rig
 from tssgeom.tendon.moving import MovingRoute
 from tssgeom.uncertain import Uncertain, require_known
+
+if TYPE_CHECKING:
+    from tssgeom.identify.calibrated_run import Measured
 
 _WORDS = (
     (re.compile(r"--unit mm\|m"), 'unit="mm" or unit="m"'),
@@ -277,6 +279,8 @@ def temperature_of(run: MeasuredRun, rig: Rig) -> Vector | None:
 
 def measured_of(run: MeasuredRun) -> Measured:
     """Return the columns of a run as `calibrate` takes them."""
+    from tssgeom.identify.calibrated_run import Measured  # with it comes scipy
+
     elongation = run.elongation
     if elongation is None and run.displacement_in is not None and run.displacement_out is not None:
         elongation = run.displacement_in - run.displacement_out  # docs/model.md (44)

@@ -6,16 +6,18 @@ import hashlib
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path, PurePosixPath
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import msgspec
-from filelock import FileLock, Timeout
 
 from tssgeom.errors import SourceError, unreadable, unwritable
 from tssgeom.io.formats.files import RESULTS_MARK, UNFINISHED_MARK
 from tssgeom.io.formats.paths import kept_while_unchanged, reading, split
 from tssgeom.io.storage import Folder
 from tssgeom.rig import Rig
+
+if TYPE_CHECKING:
+    from filelock import FileLock
 
 HIDDEN = UNFINISHED_MARK
 """Folder of the notes, inside that of the results."""
@@ -316,6 +318,8 @@ def locked(folder: Folder) -> Iterator[None]:
 
 
 def _acquired(folder: Folder, notes: Path) -> FileLock:
+    from filelock import FileLock, Timeout  # here: only a batch takes the lock
+
     try:
         notes.mkdir(parents=True, exist_ok=True)
         lock = FileLock(notes / "lock", timeout=0)
