@@ -13,6 +13,7 @@ import argparse
 import contextlib
 import sys
 import time
+from itertools import count
 from typing import Any
 
 import numpy as np
@@ -89,22 +90,25 @@ def arguments(rng: np.random.Generator, entry: Prototype) -> list[Any]:
     return [value for name, value in given if name in wanted]
 
 
-def fuzz(seconds: float, seed: int, only: str = "") -> int:
-    """Call entries until the time is over; return how many calls were made."""
+def fuzz(seconds: float, seed: int, only: str = "", call: int | None = None) -> int:
+    """Make calls until the time is over, or the one of that number alone; return how many were made."""
     rng, every, calls = np.random.default_rng(seed), list(entries().values()), 0
     every = [each for each in every if only in each.name]
     end = time.monotonic() + seconds
-    while time.monotonic() < end:
-        for entry in every:
-            values = arguments(rng, entry)
+    for number in count():
+        entry = every[number % len(every)]
+        values = arguments(rng, entry)
+        if call is None or call == number:
             begun = time.process_time()
             with contextlib.suppress(*_ALLOWED):
                 getattr(core, entry.name)(*values)
             took = time.process_time() - begun
-            if took > SLOWEST_S:
-                raise SystemExit(f"{entry.name} took {took:.1f} s with {values}")
             calls += 1
-    return calls
+            if took > SLOWEST_S:
+                raise SystemExit(f"{entry.name} took {took:.1f} s: --seed {seed} --call {number}")
+        if number == call or (call is None and time.monotonic() >= end):
+            return calls
+    raise AssertionError
 
 
 def main() -> None:
@@ -113,10 +117,10 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=20.0)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--only", default="", help="entries whose name holds this")
-    options = parser.parse_args()
-    sys.stdout.write(
-        f"{fuzz(options.seconds, options.seed, options.only)} calls of {len(entries())} entries\n"
-    )
+    parser.add_argument("--call", type=int, help="the call of this number alone")
+    given = parser.parse_args()
+    calls = fuzz(given.seconds, given.seed, given.only, given.call)
+    sys.stdout.write(f"{calls} calls of {len(entries())} entries\n")
 
 
 if __name__ == "__main__":

@@ -22,8 +22,13 @@ _FEWEST = 4
 
 @contextmanager
 def any_header() -> Iterator[None]:
-    """Read arrays that Python 2 wrote without NumPy's warning that they are read by another parser."""
+    """Read headers of arrays without the warnings of their parsers: what is wrong with one is an error.
+
+    NumPy warns where Python 2 wrote it, and Python, which reads it as a literal, of text that is damaged.
+    """
     with warnings.catch_warnings():
+        for category in (SyntaxWarning, DeprecationWarning):  # from Python 3.12, and before
+            warnings.simplefilter("ignore", category)
         warnings.filterwarnings("ignore", "Reading `.npy` or `.npz` file required additional header parsing")
         yield
 
