@@ -124,7 +124,8 @@ def test_an_array_that_python_2_wrote_is_read_without_a_warning(tmp_path, name):
 
 @pytest.mark.parametrize("name", ["run.npz", "run.npy"])
 def test_a_damaged_header_gives_no_warning_of_python(tmp_path, name):
-    np.save(tmp_path / "run.npy", np.rec.fromarrays(POINTS[0].T, names=["x_mm", "y_mm", "z_mm"]))
+    columns = np.zeros(6, [("x_mm", float), ("y_mm", float), ("z_mm", float)])
+    np.save(tmp_path / "run.npy", columns)
     raw = (tmp_path / "run.npy").read_bytes().replace(b"x_mm", b"x\\mm")
     (tmp_path / "run.npy").write_bytes(raw)
     with zipfile.ZipFile(tmp_path / "run.npz", "w") as archive:

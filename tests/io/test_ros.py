@@ -2,6 +2,7 @@
 
 import math
 import shutil
+import struct
 import sys
 from pathlib import Path
 
@@ -145,6 +146,16 @@ def test_a_file_that_is_no_bag_is_refused_in_one_line(tmp_path, name, cut):
     with pytest.raises(SourceError, match="cannot be read as a ROS 2 bag") as caught:
         open_recording(tmp_path / name, "mm")
     assert "\n" not in str(caught.value)
+
+
+def test_a_bag_that_states_more_messages_than_it_can_hold_is_refused(tmp_path):
+    raw = (CORPUS / "shape.mcap").read_bytes()
+    stated = raw.rindex(struct.pack("<Q", 3))  # of the channel, in the statistics at the end
+    (tmp_path / "run.mcap").write_bytes(raw[:stated] + struct.pack("<Q", 1 << 40) + raw[stated + 8 :])
+    with pytest.raises(
+        SourceError, match=r"run\.mcap: cannot be read .* 1099511627776 messages in 4262 bytes"
+    ):
+        open_recording(tmp_path / "run.mcap", "m")
 
 
 def test_without_rosbags_the_hint_is_the_extra(monkeypatch):

@@ -15,7 +15,7 @@ import numpy as np
 
 from tssgeom.arrays import read_only
 from tssgeom.errors import ShapeError, SourceError, TssgeomError
-from tssgeom.io.formats.paths import split, stem
+from tssgeom.io.formats.paths import size_of, split, stem
 from tssgeom.io.formats.recording import PER_METRE, Frames, Recording, given_unit
 from tssgeom.stream import Frame, Rejected
 
@@ -91,10 +91,17 @@ def open_bag(path: Path, unit: str | None) -> Recording:
         topic = _selected_topic(bag, sorted({c.topic for c in connections}), topic)
         wanted = [c for c in connections if c.topic == topic]
         count = sum(connection.msgcount for connection in wanted)
+        if count > (size := _size(bag)):  # a message takes more than one byte, packed too
+            raise ValueError(f"it states {count} messages in {size} bytes")
         connection, _, raw = next(iter(reader.messages(connections=wanted)))
         stamped = _stamp(reader.deserialize(raw, connection.msgtype)) > 0.0
     frames = PoseFrames(bag, topic, PER_METRE[agreed], stamped)
     return Recording(stem(path), path, agreed, "ros2", True, count, frames, () if stamped else (_BY_BAG,))
+
+
+def _size(bag: Path) -> int:
+    """Size of a bag [B], which is one file, or all in a folder."""
+    return sum(size_of(file) for file in (bag.iterdir() if bag.is_dir() else [bag]))
 
 
 def _selected_topic(bag: Path, topics: list[str], wanted: str | None) -> str:
