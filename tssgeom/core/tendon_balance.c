@@ -282,6 +282,7 @@ double balance(
     int straight = !(laws->curved || laws->loaded || by_movement); /* a pass that balances is the last */
     c->rigid_in = !by_force && laws->soft[0] == 0.0 && laws->toe[0] == 0.0;
     c->rigid_out = laws->load == INFINITY && laws->soft[last_bar] == 0.0 && laws->toe[last_bar] == 0.0;
+    c->rounds = SOLVER.rounds;
     c->shift = c->rigid_in ? target - memory->displacement[0] : 0.0;
     set_given(laws, memory, warmth, shares, by_force ? 0.0 : target, rest, room->given);
     memcpy(room->about, memory->tension, (size_t)(k + 1) * sizeof(double));

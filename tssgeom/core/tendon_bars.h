@@ -51,6 +51,7 @@ typedef struct {
     double *tension; /* [k+1] N */
     double *w; /* [k] movement of each contact [m] */
     double *ratios; /* [k] of the elimination */
+    int64_t rounds; /* of relaxation at most; half of them once all were in vain */
     int8_t *slip; /* [k] what each contact does */
     int8_t *tight; /* [k+1] whether each bar carries tension */
 } bar_chain;

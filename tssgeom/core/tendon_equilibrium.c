@@ -253,7 +253,7 @@ int64_t equilibrium(bar_chain *c, int hanging, int64_t from_before, int64_t from
         solves += newton(c, accepted, from_guess, residual);
     }
     int64_t sweeps = 20;
-    for (int64_t attempt = 0; attempt < SOLVER.rounds && !(*residual <= accepted); attempt++, sweeps *= 4) {
+    for (int64_t attempt = 0; attempt < c->rounds && !(*residual <= accepted); attempt++, sweeps *= 4) {
         if (attempt > 0) {
             relax(c, sweeps);
             set_tensions(c);
@@ -266,6 +266,7 @@ int64_t equilibrium(bar_chain *c, int hanging, int64_t from_before, int64_t from
             if (*residual <= accepted || !mark_tight(c, accepted)) break;
         }
     }
+    if (!(*residual <= accepted)) c->rounds = SOLVER.rounds / 2;
     free_from_rounding(c);
     return solves;
 }
@@ -283,7 +284,7 @@ int64_t tss_equilibrium(
         c.low[i] = cone[0][i], c.high[i] = cone[1][i], c.force[i] = cone[2][i], c.drag[i] = cone[3][i];
         c.bristle[i] = cone[4][i], c.kept[i] = cone[5][i], c.slip[i] = (int8_t)slip[i];
     }
-    c.rigid_in = (int)rigid_in, c.rigid_out = (int)rigid_out, c.shift = shift;
+    c.rounds = SOLVER.rounds, c.rigid_in = (int)rigid_in, c.rigid_out = (int)rigid_out, c.shift = shift;
     int64_t solves = equilibrium(&c, (int)hanging, from_before, from_guess, residual);
     for (int64_t j = 0; j <= k; j++) tension[j] = c.tension[j];
     for (int64_t i = 0; i < k; i++) contacts[0][i] = c.w[i], contacts[1][i] = c.slip[i];
