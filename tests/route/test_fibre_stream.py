@@ -234,3 +234,10 @@ def test_the_order_of_the_kinds_changes_no_sum():
     evidence = [partitions(sensed, one, NOISE).log_evidence for one in (kinds, turned)]
     assert evidence[0] == pytest.approx(evidence[1], abs=1e-11)
     assert noises(sensed, kinds).level.tolist() == [NOISE]
+
+
+def test_a_noise_that_goes_on_has_three_levels_with_the_moments_of_its_normal_posterior():
+    sensed = Sensed(S, clean_fibre(frame(2), S).curvatures, np.ones(N), 0.0)
+    of = noises(sensed, kinds_of(sensed), LastNoise(NOISE, 0.3, 1))
+    moments = [of.probability @ (np.log(of.level / NOISE) / 0.3) ** power for power in range(5)]
+    assert moments == pytest.approx([1.0, 0.0, 1.0, 0.0, 3.0], abs=1e-12)

@@ -5,8 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tssgeom.route.geometry import measure
 from tssgeom.route.observations import clean
 from tssgeom.route.pieces import curvature_profile
+from tssgeom.route.route_fit import given_length
 from tssgeom.route.spline.fit import fit
 from tssgeom.route.synthetic import chain, colon, half_circle, helix, positions, setup_a, setup_b
 
@@ -216,3 +218,16 @@ def test_every_array_is_finite_and_read_only(geometry, sensed):
     ]
     assert len(arrays) == 18
     assert all(np.isfinite(a).all() and not a.flags.writeable for a in arrays)
+
+
+@pytest.mark.parametrize("method", ["spline", "arcs"])
+def test_the_curve_angle_along_a_route_of_known_length_grows_to_its_whole(method):
+    course = chain(np.array([0.15, 0.2, 0.15]), np.array([2.0, 9.0, 3.0]))
+    points = positions(course, np.linspace(0.0, course.total_length, 60))
+    free = measure(
+        clean(points + 1e-3 * np.random.default_rng(0).standard_normal(points.shape)), 1e-3, method
+    )
+    known = given_length(free, course.total_length, 1e-4)
+    assert known.arcs.total_length != free.arcs.total_length
+    assert known.profile.phi[-1] == known.arcs.total_angle
+    assert np.all(np.diff(known.profile.phi) >= 0.0)

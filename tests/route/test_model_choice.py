@@ -7,6 +7,7 @@ import pytest
 
 from tssgeom.route.geometry import measure
 from tssgeom.route.model_choice import (
+    evidence_scale,
     log_sum,
     mixture_variance,
     model_probabilities,
@@ -52,3 +53,10 @@ def test_a_variance_of_the_whole_angle_is_spread_over_the_pieces():
     spread = spread_over(np.array([1.0, 0.0, 3.0]), 0.04)
     assert spread.sum() == pytest.approx(0.04, rel=1e-15)
     assert not spread[1].any()
+
+
+@pytest.mark.parametrize("parameters", [0, 1, 9, 40])
+def test_the_error_of_the_criterion_adds_its_variance_to_that_of_the_odds(parameters):
+    """A logistic density of scale x has the variance (pi x)^2 / 3; the error is of half of each parameter."""
+    variance = (math.pi * evidence_scale(parameters)) ** 2 / 3.0
+    assert variance == pytest.approx(math.pi**2 / 3.0 + (0.5 * parameters) ** 2)

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -6,7 +8,7 @@ from tssgeom import core
 from tssgeom.arrays import read_only
 from tssgeom.errors import ShapeError
 from tssgeom.route.geometry import measure
-from tssgeom.route.observations import clean, out_of_order
+from tssgeom.route.observations import clean, on_chords, out_of_order
 from tssgeom.route.route import step_lengths
 from tssgeom.route.synthetic import half_circle, positions, setup_a
 
@@ -171,3 +173,15 @@ def test_stations_that_go_farther_than_many_points_are_named(noise, method):
             fit = measure(clean(known.points, scale * known.station), noise, method)
             named = any("the stations lie 10% farther apart" in each for each in fit.warnings)
             assert named == (scale > 1.0)
+
+
+def test_a_point_without_weight_lengthens_no_way_between_the_others():
+    points, weight = _arc(), np.ones(50)
+    shape = clean(points)
+    astray = replace(shape, points=read_only(points + 0.05 * np.eye(50)[:, [20, 20, 20]]))
+    weight[20] = 0.0
+    others = weight > 0.0
+    ways = on_chords(shape), on_chords(astray, weight), on_chords(astray)
+    true, given, every = (np.asarray(one.stations) for one in ways)
+    assert np.abs(given - true)[others].max() < 1e-5  # of 0.5 m; the chord over two spaces is an arc as well
+    assert every[-1] - true[-1] > 0.05
