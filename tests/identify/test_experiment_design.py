@@ -18,7 +18,7 @@ from tssgeom.identify.expected_evidence import (
     predicted,
     size_over_limits,
 )
-from tssgeom.identify.experiment_design import proposed
+from tssgeom.identify.experiment_design import _amount, proposed
 from tssgeom.identify.experiment_search import EFFORT
 from tssgeom.identify.fit import Problem, refined
 from tssgeom.identify.prediction import run_channels, stacked
@@ -154,3 +154,8 @@ def test_held_out_runs_stay_when_runs_are_read_as_decided(campaign):
     held = partial(lambda one: [run.held_out for run in readings(one)[0]])
     assert sum(held(free)) == 1
     assert sum(held(fixed)) == 0
+
+
+def test_of_the_gains_over_several_models_the_least_is_stated():
+    assert _amount({1: 300.0, 2: 12.4}) == "12 or more"
+    assert _amount({1: 2000.0, 2: 3000.0}) == "more than 1000"
