@@ -7,11 +7,14 @@ import pytest
 
 from tssgeom.effects import Backlash, LoadDependentFriction, TensionInGain, TensionOutOffset
 from tssgeom.identify import prediction
+from tssgeom.identify.campaign import Route, Run
 from tssgeom.identify.drive_noise import sampled_drives
 from tssgeom.identify.fit import base_fit
 from tssgeom.identify.machine_evidence import contradicted
 from tssgeom.identify.misfit import _is_worse, held_out
-from tssgeom.identify.readings import readings
+from tssgeom.identify.readings import noise_of, readings, with_held_out
+from tssgeom.rig import Rig, Sensor
+from tssgeom.route.pieces import Arcs
 
 
 @pytest.fixture(scope="module")
@@ -101,3 +104,26 @@ def test_all_models_share_the_sampled_drives(clean):
     other = sampled_drives(drive + noise, noise, reading.time)
     assert np.abs(first.denoised - first.true).max() > 0.1 * noise
     assert np.allclose(other.true - noise, first.true, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("routes", "held"), [("aabb", 3), ("aaaa", 3), ("abaa", 1), ("abca", 2), ("a", None)]
+)
+def test_a_run_on_a_route_of_its_own_is_held_out_or_else_the_last(routes, held):
+    arcs, nodes = Arcs.exact(np.ones(1), np.ones(1)), (np.zeros((2, 3)), np.zeros(2))
+    shape = {name: Route(name, arcs, *nodes) for name in routes}
+    runs, notes = with_held_out(tuple(Run(f"run {k}", shape[name], {}) for k, name in enumerate(routes)))
+    assert [k for k, run in enumerate(runs) if run.held_out] == ([] if held is None else [held])
+    assert len(notes) == (held is not None)
+    assert all(("last" if routes in ("aabb", "aaaa") else "no other run") in note for note in notes)
+
+
+def test_the_noise_of_a_sensor_without_a_specification_is_that_of_its_readings():
+    time, rng = np.linspace(0.0, 10.0, 400), np.random.default_rng(5)
+    readings = 8.0 + 5.0 * np.sin(time) + 0.02 * rng.standard_normal(400)
+    assert noise_of(Rig(), "tension_out_N", time, readings) == pytest.approx(
+        0.02,
+        rel=0.25,  # the least of several estimates counts
+    )
+    exact = {"tension_out_N": Sensor(noise=0.03)}
+    assert noise_of(Rig(sensors=exact), "tension_out_N", time, readings) == 0.03
