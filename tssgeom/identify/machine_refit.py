@@ -71,11 +71,11 @@ def without_needless(model: FittedModel, which: int, kept: Sequence[MachineRun])
     if less is None:
         return None
     fall = -sum(held_out_rises(less, whole).values())
-    asked = delta_bic(less, whole) >= EVIDENCE_SCALE.very_strong and is_shown(model.parts[which], fall)
+    asked = delta_bic(less, whole) >= EVIDENCE_SCALE.very_strong and held_out_asks(model.parts[which], fall)
     return None if asked or contradicted(held_out_rises(whole, less)) else less
 
 
-def is_shown(part: Part, fall: float) -> bool:
+def held_out_asks(part: Part, fall: float) -> bool:
     """Whether the fall of −2 ln L of held-out readings alone asks for a part that is a law; (311).
 
     A law follows whatever it is fitted to.

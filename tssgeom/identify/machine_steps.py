@@ -30,7 +30,7 @@ from tssgeom.identify.machine_forecast import Forecast, contradiction
 from tssgeom.identify.machine_parts import Part
 from tssgeom.identify.machine_physics import refused
 from tssgeom.identify.machine_problem import Problem
-from tssgeom.identify.machine_refit import MACHINE_SEARCH, is_shown, refitted
+from tssgeom.identify.machine_refit import MACHINE_SEARCH, held_out_asks, refitted
 from tssgeom.identify.machine_run import MachineRun
 from tssgeom.identify.machine_score import PartScore
 from tssgeom.identify.misfit import beyond_noise
@@ -69,7 +69,9 @@ class TriedPart:
     def passes(self) -> bool:
         """Whether evidence, size, held-out readings and physics all allow it."""
         evident = (
-            self.least > EVIDENCE_SCALE.very_strong and self.size > 1.0 and is_shown(self.part, -self.rise)
+            self.least > EVIDENCE_SCALE.very_strong
+            and self.size > 1.0
+            and held_out_asks(self.part, -self.rise)
         )
         return evident and not self.refusal and not self.contradiction
 
@@ -83,7 +85,7 @@ class TriedPart:
             return f"its ΔBIC, held-out readings included, of {self.evidence:.1f} is below {needed:.0f}."
         if self.size <= 1.0:
             return f"it changes no channel by more than {self.size:.2g} of the detection limit."
-        if not is_shown(self.part, -self.rise):
+        if not held_out_asks(self.part, -self.rise):
             return "the held-out readings do not show it."
         return f"{why}." if (why := self.refusal or self.contradiction) else ""
 
