@@ -3,13 +3,20 @@
 import numpy as np
 import pytest
 
-from tests.identify.test_machine_discovery import ARM, MU, NOISE, columns, finding_of, held, rig
+from tests.identify.test_machine_discovery import ARM, MU, NOISE, UNKNOWN, columns, held, rig
 from tssgeom.effects import FrictionLaw
+from tssgeom.identify.machine_discovery import machine_work
+from tssgeom.identify.machine_finding import MachineCampaign
+from tssgeom.identify.machine_law_search import laws_for_formulae
 from tssgeom.identify.machine_laws import free_laws
+from tssgeom.identify.machine_parts import parts_of
 from tssgeom.identify.machine_run import machine_run
+from tssgeom.identify.machine_selection import part_step
 from tssgeom.tendon.machine import machine_of, route_of_rig
 from tssgeom.tendon.machine_simulation import simulate_machine
+from tssgeom.uncertain import UNKNOWNS, Uncertain
 
+OF_SPEED = {"velocity_dependent_friction", "viscous_drag"}
 PEAK, DECAY, LAG_S = 0.4, 2e-3, 1.0
 
 
@@ -58,9 +65,26 @@ def test_other_knots_leave_a_law_as_it_is(laws):
         assert np.ptp(curve - own) < 0.25 * np.ptp(own)  # up to the constant that the base model has
 
 
-def test_friction_that_falls_with_speed_is_a_law_within_its_band():
+@pytest.fixture(scope="module")
+def falling():
+    """What the workflow leaves of a pair whose friction falls with speed."""
     falls = columns(2, stribeck_gain=PEAK, stribeck_speed_m_per_s=DECAY, speed_lag_s=LAG_S)
-    finding = finding_of(2, falls)
+    run = machine_run("run", falls, [route_of_rig(rig(2))], rig(2))
+    uncertain = tuple(Uncertain(key, UNKNOWNS[key], stated=False) for key in UNKNOWN)
+    return machine_work(MachineCampaign("bench", rig(2), uncertain, (run,)))[0]
+
+
+def test_no_formula_is_tried_beside_the_law_of_its_mechanism(falling):
+    parts = [part for part in parts_of(rig(2), (), falling.fitted) if part.name in OF_SPEED]
+    assert {part.name for part in parts} == OF_SPEED
+    model = falling.chosen.model
+    tried = part_step(falling.base, model, parts, falling.kept).tried
+    assert not tried
+    assert not list(laws_for_formulae(falling.base, model, falling.kept))
+
+
+def test_friction_that_falls_with_speed_is_a_law_within_its_band(falling):
+    finding = falling.finding(())
     assert finding.verdict == "law"
     (effect,) = finding.effects
     assert effect.names == ("friction_over_speed",)

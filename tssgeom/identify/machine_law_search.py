@@ -50,7 +50,8 @@ def laws_for_formulae(
     base: FittedModel, model: FittedModel, kept: Sequence[MachineRun]
 ) -> Iterator[PartStep]:
     """Yield steps to a free law instead of all formulae of its mechanism, where it is likelier; (311)."""
-    for law in laws_of(model) if model.parts else ():
+    has = {law.name for law in model.problem.laws}
+    for law in (each for each in laws_of(model) if model.parts and each.name not in has):
         those = [part.label for part in model.parts if MECHANISM_OF.get(part.name) == law.name]
         step = _instead(law, those, base, model, kept) if those else None
         if step is not None and step.chosen is not None:
