@@ -7,15 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from tssgeom import core
-from tssgeom.arrays import Vector, read_only
+from tssgeom.arrays import read_only
 from tssgeom.effects import AnyEffect
 from tssgeom.errors import FitError
 from tssgeom.identify.assembly import estimates
 from tssgeom.identify.finding import Candidate, Evidence, LawCurve
 from tssgeom.identify.law_fit import LawFit
 from tssgeom.identify.law_search import LawSearch, Offer, as_fit, needed
-from tssgeom.identify.mechanisms import KNOTS, Mechanism
+from tssgeom.identify.mechanisms import finer
 from tssgeom.identify.screening import detection_limits, size_over_limit
 from tssgeom.identify.selection import name_of
 from tssgeom.statistics import NORMAL_95
@@ -114,16 +113,7 @@ def curve(fit: LawFit, which: int, nearest: tuple[tuple[str, float], ...] = ()) 
         spread = NORMAL_95 * np.sqrt(np.diag(each @ own @ each.T) * inflated)
         middle = one.value(term.u)
         low, high = middle - spread, middle + spread
-    x, (middle, low, high) = _finer(one, middle, low, high)
+    x, (middle, low, high) = finer(one, middle, low, high)
     return LawCurve(
         one.over, read_only(x), read_only(middle), read_only(low), read_only(high), one.unit, nearest
     )
-
-
-def _finer(one: Mechanism, *values: Vector) -> tuple[Vector, list[Vector]]:
-    """Return the knots of a curve made dense, and values there; what has no knots as it is."""
-    if len(one.x) != len(one.warped) or len(one.x) < 2:
-        return one.x, list(values)
-    dense = np.linspace(0.0, 1.0, KNOTS.reported)
-    x = core.tabulated(core.table_of(one.warped, one.x), dense)
-    return x, [core.tabulated(core.table_of(one.x, each), x) for each in values]

@@ -1,4 +1,4 @@
-"""Search for a free law that a machine lacks, once its parts are chosen.
+"""Search for a free law that a machine lacks, where no part passes or formulae come near it.
 
 Source: docs/model.md (311).
 """
@@ -50,10 +50,10 @@ def laws_for_formulae(
     base: FittedModel, model: FittedModel, kept: Sequence[MachineRun]
 ) -> Iterator[PartStep]:
     """Yield steps to a free law instead of all formulae of its mechanism, where it is likelier; (311)."""
-    has = {law.name for law in model.problem.laws}
-    for law in (each for each in laws_of(model) if model.parts and each.name not in has):
+    named = {MECHANISM_OF.get(part.name) for part in model.parts} - {law.name for law in model.problem.laws}
+    for law in [law for law in laws_of(model) if law.name in named] if named else ():
         those = [part.label for part in model.parts if MECHANISM_OF.get(part.name) == law.name]
-        step = _instead(law, those, base, model, kept) if those else None
+        step = _instead(law, those, base, model, kept)
         if step is not None and step.chosen is not None:
             yield step
             model = step.chosen.model

@@ -19,7 +19,7 @@ from tssgeom.identify.finding import LawCurve
 from tssgeom.identify.law_fit import LAW_FIT
 from tssgeom.identify.law_smoothness import law_precision
 from tssgeom.identify.machine_run import MachineRun
-from tssgeom.identify.mechanisms import KNOTS, Mechanism, friction_law, speed_law, strain_law
+from tssgeom.identify.mechanisms import KNOTS, Mechanism, finer, friction_law, speed_law, strain_law
 from tssgeom.mechanism import numbered
 from tssgeom.rig import Rig
 from tssgeom.statistics import NORMAL_95
@@ -132,7 +132,8 @@ def _mechanisms(
     runs: Sequence[MachineRun], moved: Sequence[Mapping[str, Vector]], rig: Rig
 ) -> Iterator[Mechanism]:
     count, usual = runs[0].tendons, KNOTS.usual
-    pulls = np.concatenate([each[name] for each in moved for name in _of_tendons("tension", count)])
+    ends = [name for end in ("in", "out") for name in numbered(f"tension_{end}_N", count)]
+    pulls = np.concatenate([each[name] for each in moved for name in ends])
     ways = [[each[name] for name in numbered("displacement_in_m", count)] for each in moved]
     times = [run.given["time_s"] for run in runs]
     least, most = float(np.quantile(pulls, 0.005)), float(pulls.max())
@@ -164,11 +165,6 @@ def _mechanisms(
         yield friction_law("position", np.linspace(low, high, usual), "m")
 
 
-def _of_tendons(what: str, count: int) -> Iterator[str]:
-    for end in ("in", "out"):
-        yield from numbered(f"{what}_{end}_N", count)
-
-
 def law_curve(law: FreeLaw, numbers: Vector, covariance: Matrix, coefficient: float) -> LawCurve:
     """Return a law over its support with its 95 % band, friction as the coefficient itself; (190), (312).
 
@@ -193,7 +189,5 @@ def law_curve(law: FreeLaw, numbers: Vector, covariance: Matrix, coefficient: fl
         middle = one.value(whole)
         spread = NORMAL_95 * np.sqrt(np.einsum("ki,ij,kj->k", each, covariance[1:, 1:], each))
         low, high = middle - spread, middle + spread
-    dense = np.linspace(0.0, 1.0, KNOTS.reported)
-    x = core.tabulated(core.table_of(one.warped, one.x), dense)
-    middle, low, high = (core.tabulated(core.table_of(one.x, each), x) for each in (middle, low, high))
+    x, (middle, low, high) = finer(one, middle, low, high)
     return LawCurve(one.over, read_only(x), read_only(middle), read_only(low), read_only(high), one.unit)

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tssgeom import core
 from tssgeom.arrays import Vector
 from tssgeom.core.constants_tendon_rows import TABLE
 from tssgeom.effects import AnyEffect, ChannelLag, CreepLaw, FrictionLaw, SensorLaw, StretchLaw
@@ -330,3 +331,12 @@ def _travel(run: Reading) -> float:
     if column is None:
         return 0.01 * len(run.time)
     return float(np.abs(np.diff(column[np.isfinite(column)])).sum())
+
+
+def finer(one: Mechanism, *values: Vector) -> tuple[Vector, list[Vector]]:
+    """Return the knots of a curve made dense, and values there; what has no knots as it is."""
+    if len(one.x) != len(one.warped) or len(one.x) < 2:
+        return one.x, list(values)
+    dense = np.linspace(0.0, 1.0, KNOTS.reported)
+    x = core.tabulated(core.table_of(one.warped, one.x), dense)
+    return x, [core.tabulated(core.table_of(one.x, each), x) for each in values]
