@@ -8,7 +8,7 @@ import pytest
 
 from tssgeom import core
 from tssgeom.core.constants_tendon_rows import LAW, PLANT
-from tssgeom.effects import KINDS, Setup, together, with_size
+from tssgeom.effects import KINDS, FrictionLaw, Setup, together, with_size
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.bars.contact_grid import equal_edges
 from tssgeom.tendon.bars.plant import memory_of, plant
@@ -20,13 +20,22 @@ SAMPLES = 60
 LAWS = [
     *("creep", "toe_region", "load_dependent_friction", "velocity_dependent_friction", "friction_drift"),
     *("presliding", "viscous_drag", "end_fitting_friction_proximal", "end_fitting_friction_distal"),
-    *("slack_take_up", "backlash", "thermal_drift"),
+    *("slack_take_up", "backlash", "thermal_drift", "friction_over_speed"),
 ]
+
+
+def law_of(name, size):
+    """An effect of some size; friction over speed falls, and follows it late."""
+    if name != "friction_over_speed":
+        return with_size(KINDS[name], size)
+    speeds = 2e-3 * np.linspace(0.0, 1.0, 8)
+    factors = 1.0 + 0.4 * size * np.exp(-speeds / 5e-4)
+    return FrictionLaw(over="speed", x=tuple(speeds), factor=tuple(factors), memory_s=0.3)
 
 
 def machine_at(x, names, tendons, coordinates, by_force):
     """Arguments of one machine by numbers about 0 [9]; the routes, the drives and the laws follow them."""
-    effects = [with_size(KINDS[name], 1.0 + 0.3 * x[0]) for name in names]
+    effects = [law_of(name, 1.0 + 0.3 * x[0]) for name in names]
     setup = together(
         Setup(0.15 * math.exp(x[1]), 3e-4 * math.exp(x[2]), 5.0 * math.exp(x[3]), math.inf), effects
     )

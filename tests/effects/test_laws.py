@@ -208,7 +208,7 @@ def test_friction_that_falls_acts_behind_contacts_that_stand(over):
     [
         friction("travel", (0.0, 0.01, 0.03), (1.2, 1.0, 0.8)),
         friction("time", (0.0, 20.0, 40.0), (1.2, 1.0, 0.8)),
-        FrictionLaw(over="speed", x=(0.0, 5e-4, 1e-3), factor=(1.2, 1.0, 0.8), memory_s=0.05),
+        friction("speed", (0.0, 5e-4, 1e-3), (1.2, 1.0, 0.8)),
     ],
     ids=["travel", "time", "speed"],
 )

@@ -222,5 +222,6 @@ def test_a_key_that_is_no_text_rejects_its_frame_only(tmp_path):
     (tmp_path / "shape.jsonl").write_bytes(b"\n".join(lines))
     bad, good = open_recording(tmp_path / "shape.jsonl", None).frames
     assert isinstance(bad, Rejected)
-    assert bad.reason.startswith("line 1: ") and "utf-8" in bad.reason.lower()  # msgspec's own words
+    assert bad.reason.startswith("line 1: ")
+    assert "utf-8" in bad.reason.lower()  # msgspec's own words
     assert isinstance(good, Frame)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from tests import lumped
+from tssgeom.effects import FrictionLaw
 from tssgeom.mechanism import Drive, End
 from tssgeom.rig import Friction, Rig, Tendon
 from tssgeom.route.pieces import Arcs
@@ -96,3 +97,25 @@ def test_a_segment_bends_as_the_lumped_chains_do():
         "tension_out_3_N": run.tendons[2].tension_out,
     }
     compared(expected, given, hardware)
+
+
+@pytest.mark.parametrize(("lag_s", "close_rad"), [(0.4, 2e-4), (0.1, 1e-4)])
+def test_friction_that_follows_a_falling_speed_late_does_so_within_a_reading(lag_s, close_rad):
+    peak, decay, arm = 0.4, 2e-3, 0.008
+    time = np.linspace(0.0, 48.0, 481)
+    phase = np.cumsum(np.where((time // 12.0) % 2 == 0, 1.0, 3.0)) * 2.0 * np.pi * 0.1 / 12.0
+    motor = 0.9 * np.sin(phase)
+    path = lumped.from_pieces([0.8], [5.0], cells=60)
+    falling = {"stribeck_gain": peak, "stribeck_speed_m_per_s": decay, "speed_lag_s": lag_s}
+    ends = [(path, lumped.Physics(**PHYSICS, **falling))] * 2
+    drive, joint = lumped.Motor("angle", time, motor, arm), lumped.Joint(arm, 0.4)
+    run = lumped.simulate_machine(ends, drive, joint, time, 0.1)
+    speeds = 0.014 * np.append(0.0, np.geomspace(0.02, 1.0, 11))
+    factors = 1.0 + peak * np.exp(-speeds / decay)
+    law = FrictionLaw(over="speed", x=tuple(speeds), factor=tuple(factors), memory_s=lag_s)
+    end = End(kind="joint", radius_m=arm, stiffness_Nm_per_rad=0.4)
+    hardware = rig(drive=Drive(kind="pair", radius_m=arm), end=end, effects=(law,))
+    machine = machine_of(hardware, [Arcs.exact(np.array([0.8]), np.array([5.0]))], 12)
+    out = simulate_machine(machine, {"time_s": time, "motor_angle_rad": motor})
+    off = out["joint_angle_rad"] - run.joint_angle
+    assert np.sqrt(np.mean(off**2)) < close_rad  # with the speed before each reading 1.3e-3 and 3.2e-3

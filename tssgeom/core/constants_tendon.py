@@ -34,6 +34,12 @@ class SolverTolerances(NamedTuple):
     derived: bisection alone would need some 60."""
     full_passes: int = 15
     """Passes that go all the way, the others half of it [1]; chosen."""
+    speeds: float = 1e-5
+    """How far the speeds at which friction that follows late is taken may be from those that it follows, over
+    the highest of its table [1]; chosen: no joint turns by a hundredth of what sensors resolve; (313)."""
+    speed_share: float = 10.0
+    """Most that the secant adds of a difference of these speeds, and one over the least [1]; chosen: friction
+    that falls lets go soon after."""
     motion: float = 1e-3
     """Weight of movement against force [1]; chosen: so small that contacts stop before they turn round."""
     rounds: int = 7

@@ -185,7 +185,7 @@ ENTRY int64_t tss_march_machine(
     int64_t by_force, int64_t s,
     const double spans[s], const double drive[s][n], const double end[s][n], const double load[s][m],
     const double warmth[s], int64_t rows, OUT double after[n][9 * (k + 1) + 7], OUT double coordinate[s][m],
-    OUT double ends[s][4 * n], OUT double profile[rows][n * (k + 1)], WORK double trial[n][9 * (k + 1) + 7], WORK double work[21][k + 1]);
+    OUT double ends[s][4 * n], OUT double profile[rows][n * (k + 1)], WORK double trial[n][9 * (k + 1) + 7], WORK double work[21 + n][k + 1]);
 
 /** Take a machine through the samples of a run, and c − 1 others beside it that differ little; docs/model.md (298).
 
@@ -202,7 +202,7 @@ ENTRY int64_t tss_march_beside(
     const double load[c][s * m], const double warmth[s], OUT double after[c][n * (9 * (k + 1) + 7)],
     OUT double coordinate[c][s * m], OUT double ends[c][s * 4 * n], WORK double trial[n][9 * (k + 1) + 7],
     WORK double room[c * n][96], WORK double lines[n][17 * (k + 1)], WORK double change[2 * n][k + 1],
-    WORK double work[24][k + 1]);
+    WORK double work[24 + n][k + 1]);
 
 /** Step n tendons whose plants are straight lines over d numbers; docs/model.md (201), (202).
 
@@ -236,7 +236,7 @@ ENTRY int64_t tss_step_machines(
     const double friction[c], const double at_rest[c][m], const double start[c][m], int64_t by_force,
     const double drive[c][n], const double end[c][n], const double load[c][m], double span, double warmth,
     OUT double after[c][n * (9 * (k + 1) + 7)], OUT double coordinate[c][m], OUT double ends[c][4 * n],
-    WORK double own[n][16 * (k + 1) + 431], WORK double work[21][k + 1]);
+    WORK double own[n][16 * (k + 1) + 431], WORK double work[21 + n][k + 1]);
 
 /** Shift n members by c readings, one after the other, as an ensemble square-root filter; docs/model.md (203).
 

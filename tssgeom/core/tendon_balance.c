@@ -72,7 +72,8 @@ step_room room_of(int64_t k, double *work) {
     c.force = work + 4 * b, c.drag = work + 5 * b, c.tension = work + 6 * b, c.w = work + 7 * b;
     c.bristle = work + 16 * b, c.kept = work + 17 * b;
     c.ratios = work + 8 * b, c.slip = (int8_t *)(work + 9 * b), c.tight = (int8_t *)(work + 10 * b);
-    return (step_room){c, work + 11 * b, work + 12 * b, work + 13 * b, work + 14 * b, work + 15 * b};
+    return (step_room){
+        c, work + 11 * b, work + 12 * b, work + 13 * b, work + 14 * b, work + 15 * b, work + 19 * b, 0};
 }
 
 void begin_room(const bar_laws *laws, step_room *room) {
@@ -205,29 +206,16 @@ static void set_bars(const bar_laws *laws, const step_room *room, const creep_sh
     }
 }
 
-/* docs/model.md (52), (185) */
-double speed_factor(const bar_laws *laws, double slid, double span, double before, double *slope) {
-    double gain = laws->speed_gain, path = laws->speed_reference * span, factor = 1.0, rise = 0.0;
-    if (gain != 0.0) factor = most(0.0, 1.0 + gain * log1p(slid / path)), rise = gain / (path + slid);
-    const double *table = table_of(laws->tables, CURVE.speed);
-    if (table) {
-        double turn, value = table_value(table, laws->late ? before : slid / span, &turn);
-        rise = rise * value + (laws->late ? 0.0 : factor * turn / span), factor *= value;
-    }
-    *slope = rise;
-    return factor;
-}
-
 /* The cone of each contact about the tensions and movements of the last pass; docs/model.md (52)-(56). */
-static void
-set_cones(const bar_laws *laws, const bar_memory *memory, const step_room *room, double span) {
+static void set_cones(const bar_laws *laws, const step_room *room, double span) {
     const bar_chain *c = &room->chain;
     for (int64_t i = 0; i < laws->k; i++) {
         double unused, factor = load_factor(laws, 0.5 * (room->about[i] + room->about[i + 1]), &unused);
         c->force[i] = laws->force[i], c->drag[i] = laws->drag[i] / span;
         if (laws->by_speed) {
             double slid = fabs(room->moved[i]), rise;
-            double by_speed = speed_factor(laws, slid, span, fabs(memory->speed[i]), &rise);
+            double at = laws->late ? room->taken[i] : slid / span, grows = laws->late ? 0.0 : 1.0 / span;
+            double by_speed = speed_factor(laws, slid, span, at, grows, &rise);
             double exponent = room->moved[i] >= 0.0 ? room->pulling[i] : room->releasing[i];
             double slope = room->about[i + 1] * exponent * factor * most(0.0, rise);
             factor *= by_speed;
@@ -237,12 +225,6 @@ set_cones(const bar_laws *laws, const bar_memory *memory, const step_room *room,
         c->low[i] = exp(-room->pulling[i] * factor - laws->fitting[i]);
         c->high[i] = exp(room->releasing[i] * factor + laws->fitting[i]);
     }
-}
-
-/* The speed that friction follows after a step, with the sign of the step's; docs/model.md (185). */
-static double followed_speed(const bar_laws *laws, double before, double speed, double span) {
-    double kept = exp(-span / laws->speed_memory);
-    return copysign(kept * fabs(before) + (1.0 - kept) * fabs(speed), speed);
 }
 
 int
@@ -280,6 +262,8 @@ double balance(
     int by_movement = laws->by_speed && !(laws->late && laws->speed_gain == 0.0);
     int hanging = laws->load == 0.0, one_pass = !(laws->curved || laws->varied);
     int straight = !(laws->curved || laws->loaded || by_movement); /* a pass that balances is the last */
+    speed_search search = search_speeds(laws);
+    if (room->taken_given) search.close = -1.0;
     c->rigid_in = !by_force && laws->soft[0] == 0.0 && laws->toe[0] == 0.0;
     c->rigid_out = laws->load == INFINITY && laws->soft[last_bar] == 0.0 && laws->toe[last_bar] == 0.0;
     c->rounds = SOLVER.rounds;
@@ -288,6 +272,7 @@ double balance(
     memcpy(room->about, memory->tension, (size_t)(k + 1) * sizeof(double));
     for (int64_t i = 0; i < k; i++) {
         room->moved[i] = memory->speed[i] * span;
+        if (!room->taken_given) room->taken[i] = fabs(memory->speed[i]);
         c->drag[i] = laws->drag[i] / span;
         c->slip[i] = (int8_t)memory->slip[i];
         if (!laws->worn) continue;
@@ -304,7 +289,7 @@ double balance(
         else if (c->rigid_in) c->trial[0] = memory->tension[0], c->stiffness[0] = 0.0;
         if (hanging) c->trial[last_bar] = weight, c->stiffness[last_bar] = 0.0;
         else if (c->rigid_out) c->trial[last_bar] = memory->tension[last_bar], c->stiffness[last_bar] = 0.0;
-        if (laws->varied) set_cones(laws, memory, room, span);
+        if (laws->varied) set_cones(laws, room, span);
         if (by_force && hanging) { /* docs/model.md (47) */
             double range[2];
             range_of_drive(k, weight, c->low, c->high, c->force, range);
@@ -318,7 +303,13 @@ double balance(
             change = most(fabs(c->tension[j] - room->about[j]), change);
             accepted = most(accepted, ROUNDING.relative * c->tension[j]); /* docs/model.md (250) */
         }
-        if (one_pass || (residual <= accepted && (straight || change <= 0.1 * accepted))) break;
+        double *followed = c->ratios;
+        for (int64_t i = 0; search.close >= 0.0 && i < k; i++)
+            followed[i] = followed_speed(laws, memory->speed[i], c->w[i] / span, span);
+        if (search.close >= 0.0) compare_speeds(&search, k, room->taken, followed);
+        int again = done < SOLVER.full_passes && go_on(&search);
+        if (one_pass || (residual <= accepted && !again && (straight || change <= 0.1 * accepted))) break;
+        if (again) renew_speeds(&search, k, room->taken, followed);
         /* after a while it swings from side to side of a bend in some law */
         int full = done < SOLVER.full_passes;
         for (int64_t j = 0; j <= k; j++)

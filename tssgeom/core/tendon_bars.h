@@ -24,7 +24,7 @@ typedef struct {
     double now; /* factor of all friction in this step, by time and position [1] */
     int curved, by_rate, varied, swift;
     int loaded, by_speed, worn; /* whether friction depends on tension; on speed; on what was before */
-    int late;                   /* whether it follows the speed before the step */
+    int late;                   /* whether it follows another speed than that of the step */
     int creeps;                 /* whether any bar does */
 } bar_laws;
 
@@ -62,7 +62,17 @@ typedef struct {
     double *given; /* [k+1] stretch of each bar if no contact moved [m] */
     double *about, *moved; /* [k+1] N, [k] m: the last pass */
     double *pulling, *releasing; /* [k] exponents after wear [1] */
+    double *taken; /* [k] speed at which friction that follows late is taken [m/s] */
+    int taken_given; /* whether `taken` was set by whoever takes the step */
 } step_room;
+
+/* Search for the speeds at which friction is taken that it follows then, pass by pass; docs/model.md (313). */
+typedef struct {
+    double sum, before; /* of how far they are off, in this pass and the one before [m/s] */
+    double most;        /* by which any is off [m/s] */
+    double share;       /* of that which is added to them [1] */
+    double close;       /* by which they may be off [m/s]; negative where friction follows none late */
+} speed_search;
 
 /* Shares of old creep, old and new tension in the creep after a step; docs/model.md (57). */
 typedef struct {
@@ -98,9 +108,16 @@ double table_value(const double table[], double x, double *slope);
 double load_factor(const bar_laws *laws, double load, double *slope);
 /* What sliding so far in a step makes of friction [1], and its slope [1/m]; docs/model.md (52), (185).
 
-   A table that falls anywhere, or has a memory, is taken at the speed `before` the step: friction that falls at
-   once has jumps. */
-double speed_factor(const bar_laws *laws, double slid, double span, double before, double *slope);
+   The table is taken at the speed `at`, which grows by `grows` for each metre [1/s]. */
+double speed_factor(const bar_laws *laws, double slid, double span, double at, double grows, double *slope);
+/* The speed that friction follows after a step, with the sign of the step's; docs/model.md (185). */
+double followed_speed(const bar_laws *laws, double before, double speed, double span);
+speed_search search_speeds(const bar_laws *laws);
+/* Compare the speeds [k] of one tendon in a pass with those that friction follows after it. */
+void compare_speeds(speed_search *search, int64_t k, const double taken[], const double followed[]);
+/* End a pass in which all were compared: the share is the secant's; returns whether another pass is needed. */
+int go_on(speed_search *search);
+void renew_speeds(const speed_search *search, int64_t k, double taken[], const double followed[]);
 /* Friction for each metre by which a contact gives way before it slides: as stiff as makes it slide where it is
    said [N/m]; its friction before the step is that from which it gives way; docs/model.md (279). */
 double bristle_of(const bar_laws *laws, int64_t i);

@@ -97,8 +97,13 @@ behind_of(const placed *p, int64_t i, double slip, double near, double far, doub
         double exponent = slip == PULLED ? laws->pulling[i] : laws->releasing[i], rise, speed = 1.0, quick = 0.0;
         if (laws->worn) exponent *= wear_factor(laws, p->before.travel[i]);
         double load = load_factor(laws, 0.5 * (near + far), &rise);
-        if (laws->by_speed)
-            speed = speed_factor(laws, fabs(w), p->span, fabs(p->before.speed[i]), &quick);
+        if (laws->by_speed) {
+            double grows = 1.0 / p->span, at = fabs(w) / p->span, before = fabs(p->before.speed[i]);
+            if (laws->speed_memory > 0.0)
+                at = followed_speed(laws, before, at, p->span), grows *= -expm1(-p->span / laws->speed_memory);
+            else if (laws->late) at = before, grows = 0.0;
+            speed = speed_factor(laws, fabs(w), p->span, at, grows, &quick);
+        }
         side = exp(-slip * (exponent * load * speed + laws->fitting[i]));
         double lever = -slip * side * near * exponent;
         slope[1] = 0.5 * lever * speed * rise;
@@ -263,7 +268,7 @@ int64_t tss_march_beside(
     const double spans[s], const double drive[c][s * n], const double end[c][s * n],
     const double load[c][s * m], const double warmth[s], double after[c][n * (9 * (k + 1) + 7)],
     double coordinate[c][s * m], double ends[c][s * 4 * n], double trial[n][9 * (k + 1) + 7],
-    double room[c * n][96], double lines[n][17 * (k + 1)], double change[2 * n][k + 1], double work[24][k + 1]) {
+    double room[c * n][96], double lines[n][17 * (k + 1)], double change[2 * n][k + 1], double work[24 + n][k + 1]) {
     int64_t b = k + 1, rows = ROWS * b, size = 16 * b + 431;
     double *turned = *coordinate, *read_out = *ends, *line[ROWS];
     for (int64_t i = 0; i < c * s * m; i++) turned[i] = NAN;
@@ -286,7 +291,7 @@ int64_t tss_march_beside(
         sample it = {
             n, k, m, plant[0], proximal[0], distal[0], stiffness[0], gravity[0], at_rest[0], drive[0] + g * n,
             end[0] + g * n, load[0] + g * m, (int)by_force, m == 1 ? friction[0] : 0.0, 0.0,
-            most(BAR.least_time, spans[g]), warmth[g], after[0], *trial, work[20], work[0]};
+            most(BAR.least_time, spans[g]), warmth[g], after[0], *trial, work[20], work[0], work[24]};
         if (!solve_balance(&it, z)) return g;
         memset(*change, 0, (size_t)(2 * n * b) * sizeof(double));
         for (int64_t i = 0; i < n; i++) rows_of(k, *lines + i * rows, line), straighten(places + i, &it, i, z, line, work[21]);
@@ -297,7 +302,7 @@ int64_t tss_march_beside(
             sample beside = {
                 n, k, m, plant[j], proximal[j], distal[j], stiffness[j], gravity[j], at_rest[j],
                 drive[j] + g * n, end[j] + g * n, load[j] + g * m, (int)by_force, m == 1 ? friction[j] : 0.0,
-                0.0, it.span, it.warmth, after[j], after[j], work[20], work[0]};
+                0.0, it.span, it.warmth, after[j], after[j], work[20], work[0], work[24]};
             if (it.friction > 0.0) beside.slides = copysign(beside.friction, it.slides);
             for (int64_t a = 0; a < m; a++) own[a] = g > 0 ? coordinate[j][(g - 1) * m + a] : start[j][a];
             step_beside(places + j * n, &it, &beside, z, was, left, slope, *lines, *change, own, work[0]);

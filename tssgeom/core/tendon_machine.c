@@ -69,6 +69,7 @@ static int try_tendon(const sample *it, int64_t i, const double z[], end_forces 
     bar_memory memory = memory_of(k, block);
     step_room room = room_of(k, it->work);
     begin_room(&laws, &room);
+    if (laws.speed_memory > 0.0) room.taken = it->taken + i * (k + 1), room.taken_given = 1;
     double target = drive, engaged = memory.held[HELD.engaged];
     if (!it->by_force) target = least(drive + laws.backlash, most(drive, engaged)); /* docs/model.md (59) */
     memory.held[HELD.time] += it->span;
@@ -163,8 +164,8 @@ static int along(
     return 0;
 }
 
-/* docs/model.md (175) */
-int solve_balance(const sample *it, double z[]) {
+/* Balance the coordinates with friction at the speeds that are followed; docs/model.md (175). */
+static int solve_at_speeds(const sample *it, double z[]) {
     int64_t m = it->m;
     double left[MOST], slope[MOST * MOST], step[MOST] = {0.0}, next[MOST], held[MOST], scale;
     double low = -INFINITY, high = INFINITY; /* of one coordinate: its force falls as it grows */
@@ -198,6 +199,40 @@ int solve_balance(const sample *it, double z[]) {
     return largest(m, left) <= 1e3 * ROUNDING.relative * scale;
 }
 
+/* Take friction at the speeds that it would follow if all contacts moved as the drive does [m/s]. */
+static void guess_speeds(const sample *it, const double z[]) {
+    int64_t k = it->k, b = k + 1;
+    for (int64_t i = 0; i < it->n; i++) {
+        bar_laws laws = laws_of(k, it->plant + i * (16 * b + 431));
+        bar_memory before = memory_of(k, (double *)it->before + i * (9 * b + 7));
+        double drive = it->drive[i], engaged = before.held[HELD.engaged];
+        for (int64_t a = 0; a < it->m; a++) drive += it->proximal[i * it->m + a] * z[a];
+        double pulled = (least(drive + laws.backlash, most(drive, engaged)) - engaged) / it->span;
+        for (int64_t c = 0; c < k; c++) {
+            double was = before.speed[c];
+            it->taken[i * b + c] = fabs(it->by_force ? was : followed_speed(&laws, was, pulled, it->span));
+        }
+    }
+}
+
+int solve_balance(const sample *it, double z[]) {
+    int64_t k = it->k, b = k + 1, size = 9 * b + 7;
+    bar_laws laws = laws_of(k, it->plant); /* all tendons have one law of speed */
+    speed_search search = search_speeds(&laws);
+    if (search.close < 0.0) return solve_at_speeds(it, z);
+    double start = z[0];
+    guess_speeds(it, z);
+    for (int64_t pass = 0; pass < SOLVER.full_passes; pass++) {
+        if (it->friction > 0.0) z[0] = start; /* it holds where the sample began */
+        if (!solve_at_speeds(it, z)) return 0;
+        const double *followed = it->trial + MEMORY.speed * b;
+        for (int64_t i = 0; i < it->n; i++) compare_speeds(&search, k, it->taken + i * b, followed + i * size);
+        if (!go_on(&search)) break;
+        for (int64_t i = 0; i < it->n; i++) renew_speeds(&search, k, it->taken + i * b, followed + i * size);
+    }
+    return 1;
+}
+
 void read_ends(const sample *it, const double z[], double ends[]) {
     int64_t k = it->k, m = it->m;
     double unused;
@@ -222,7 +257,7 @@ int64_t tss_march_machine(
     int64_t by_force, int64_t s,
     const double spans[s], const double drive[s][n], const double end[s][n], const double load[s][m],
     const double warmth[s], int64_t rows, double after[n][9 * (k + 1) + 7], double coordinate[s][m],
-    double ends[s][4 * n], double profile[rows][n * (k + 1)], double trial[n][9 * (k + 1) + 7], double work[21][k + 1]) {
+    double ends[s][4 * n], double profile[rows][n * (k + 1)], double trial[n][9 * (k + 1) + 7], double work[21 + n][k + 1]) {
     double z[MOST] = {0.0}, *turned = *coordinate, *read_out = *ends;
     for (int64_t i = 0; i < s * m; i++) turned[i] = NAN;
     for (int64_t i = 0; i < 4 * s * n; i++) read_out[i] = NAN;
@@ -238,7 +273,7 @@ int64_t tss_march_machine(
         if (!isfinite(sum)) return g;
         sample it = {
             n, k, m, *plant, *proximal, *distal, stiffness, *gravity, at_rest, drive[g], end[g], load[g],
-            (int)by_force, m == 1 ? friction[0] : 0.0, 0.0, most(BAR.least_time, spans[g]), warmth[g], *after, *trial, work[20], work[0]};
+            (int)by_force, m == 1 ? friction[0] : 0.0, 0.0, most(BAR.least_time, spans[g]), warmth[g], *after, *trial, work[20], work[0], work[21]};
         if (!solve_balance(&it, z)) return g;
         memcpy(*after, *trial, (size_t)n * memory_bytes(k));
         for (int64_t a = 0; a < m; a++) coordinate[g][a] = z[a];
@@ -258,7 +293,7 @@ int64_t tss_step_machines(
     const double friction[c], const double at_rest[c][m], const double start[c][m], int64_t by_force,
     const double drive[c][n], const double end[c][n], const double load[c][m], double span, double warmth,
     double after[c][n * (9 * (k + 1) + 7)], double coordinate[c][m], double ends[c][4 * n],
-    double own[n][16 * (k + 1) + 431], double work[21][k + 1]) {
+    double own[n][16 * (k + 1) + 431], double work[21 + n][k + 1]) {
     int64_t size = 16 * (k + 1) + 431;
     if (k < 2 || n < 1 || m > MOST || !isfinite(span + warmth)) return 0;
     for (int64_t j = 0; j < c; j++) {
@@ -273,7 +308,7 @@ int64_t tss_step_machines(
         sample it = {
             n, k, m, *own, proximal[j], distal[j], stiffness[j], gravity[j], at_rest[j], drive[j], end[j],
             load[j], (int)by_force, m == 1 ? friction[j] : 0.0, 0.0, most(BAR.least_time, span), warmth,
-            memory[row[j]], after[j], work[20], work[0]};
+            memory[row[j]], after[j], work[20], work[0], work[21]};
         if (!solve_balance(&it, coordinate[j])) return j;
         read_ends(&it, coordinate[j], ends[j]);
     }

@@ -16,6 +16,7 @@ typedef struct {
     double *trial;        /* [n] the same of the trial */
     double *rest;         /* [k+1] */
     double *work;         /* of a room */
+    double *taken;        /* [n][k+1] speed at which friction that follows late is taken [m/s] */
 } sample;
 
 /* Solve slope · step = −left [m] by elimination with pivots; a coordinate that nothing holds does not move. */
