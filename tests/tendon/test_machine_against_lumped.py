@@ -117,5 +117,6 @@ def test_friction_that_follows_a_falling_speed_late_does_so_within_a_reading(lag
     hardware = rig(drive=Drive(kind="pair", radius_m=arm), end=end, effects=(law,))
     machine = machine_of(hardware, [Arcs.exact(np.array([0.8]), np.array([5.0]))], 12)
     out = simulate_machine(machine, {"time_s": time, "motor_angle_rad": motor})
+    assert run.joint_angle is not None
     off = out["joint_angle_rad"] - run.joint_angle
     assert np.sqrt(np.mean(off**2)) < close_rad  # with the speed before each reading 1.3e-3 and 3.2e-3
