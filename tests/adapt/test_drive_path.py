@@ -34,7 +34,7 @@ def test_the_others_stand_at_a_turn_where_they_were_by_then(seed):
             break
         if any(one.needs_commit() for one in drives):
             for one in drives:
-                one.committed = one.safe()
+                one.committed = one.safe(alone=False)
             if path is not None:
                 path.step()
         if path is None and drives[0].is_behind:
@@ -54,7 +54,7 @@ def test_the_others_stand_at_a_turn_where_they_were_by_then(seed):
     assert np.abs(stops[at, :, 1] - going[max(when, begin)]).max() < 3.0 * NOISE
     assert (np.diff(stops[:, :, 1], axis=0) >= 0.0).all()
     assert (stops[at + 1 :, :, 0] <= ends).all()
-    assert (stops[-1, :, 1] <= drives[1].safe()).all()
+    assert (stops[-1, :, 1] <= drives[1].safe(alone=False)).all()
 
 
 def test_a_path_is_the_same_when_it_was_saved():

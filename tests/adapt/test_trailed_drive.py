@@ -16,7 +16,7 @@ def drives(seed):
     yield motion(given, seed, 300.0)[1], given.noise["displacement_in_m"]
 
 
-def read(true, noise, seed=0):
+def read(true, noise, seed=0, *, alone=True):
     """Yield the drive after each noisy reading, and where it has turned, if it has; it is committed there."""
     drive = TrailedDrive(noise)
     for one in true + noise * np.random.default_rng(seed).standard_normal(len(true)):
@@ -24,7 +24,7 @@ def read(true, noise, seed=0):
         if turned is not None:
             drive.committed = turned.value
         elif drive.needs_commit():
-            drive.committed = drive.safe()
+            drive.committed = drive.safe(alone=alone)
         yield drive, turned
 
 
@@ -61,6 +61,21 @@ def test_what_is_committed_trails_the_drive_closely():
         if turned is None and not drive.may_have_turned and drive.way:
             assert drive.way * (true[i] - drive.committed) > -CHANCE.rare * noise
             assert drive.way * (drive.value - drive.committed) <= TRAIL.most_behind * noise
+
+
+@pytest.mark.parametrize("seed", [3, 5])
+def test_a_drive_beside_others_is_left_behind_by_less_and_never_passed(seed):
+    true, noise = strokes(seed, 100.0, -0.5, 0.5)[1], 1e-3
+    behind = {alone: list[float]() for alone in (True, False)}
+    for alone, kept in behind.items():
+        farthest = true[0]
+        for i, (drive, turned) in enumerate(read(true, noise, alone=alone)):
+            way = drive.way
+            farthest = true[i] if turned is not None or not way else way * max(way * farthest, way * true[i])
+            if turned is None and not drive.may_have_turned and way:
+                kept.append(way * (farthest - drive.committed) / noise)
+    assert min(behind[False]) > -0.5  # of the error of a turn
+    assert np.mean(behind[False]) < np.mean(behind[True]) - 0.2
 
 
 def test_a_turn_is_likely_by_what_was_read_before_the_drive_shows_it():

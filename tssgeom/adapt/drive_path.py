@@ -102,6 +102,6 @@ class DrivePath:
         if when == turned:
             there[:] = end
             return
-        way, most = (drive.way, drive.safe()) if when > turned else (-drive.way, float(end.mean()))
+        way, most = (drive.way, drive.safe(alone=False)) if when > turned else (-drive.way, float(end.mean()))
         if way:
             there[:] = way * np.maximum(way * there, min(way * self.values[when][i], way * most))

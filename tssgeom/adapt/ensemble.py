@@ -249,8 +249,8 @@ class Ensemble(Members):
                 drive.committed, self.committed[:, i] = one.value, one.value + spread[:, i]
                 if self.path is not None:
                     self.path.turn(i, one.ago, self.committed[:, i].copy())
-            elif drive.way * (drive.safe() - drive.committed) > 0.0:
-                drive.committed = self.committed[:, i] = drive.safe()
+            elif drive.way * ((safe := drive.safe(alone=len(turned) == 1)) - drive.committed) > 0.0:
+                drive.committed = self.committed[:, i] = safe
         path, self.path = self.path, None  # where there is no equilibrium along it
         start, stops = self.kept, [self.committed]
         if path is not None and any(turned):

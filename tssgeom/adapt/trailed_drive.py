@@ -249,9 +249,10 @@ class TrailedDrive:
         other.recent = self.recent.copy()
         return other
 
-    def safe(self) -> float:
-        """Return how far the drive has gone for sure."""
-        certain = self.way * (self.position - self.committed) - CHANCE.rare * self.noise
+    def safe(self, *, alone: bool) -> float:
+        """Return how far the drive has gone for sure; docs/model.md (239), beside other drives (315)."""
+        error = self.noise if alone else self.error
+        certain = self.way * (self.position - self.committed) - CHANCE.rare * error
         return self.committed + self.way * max(certain, 0.0)
 
     def needs_commit(self) -> bool:
