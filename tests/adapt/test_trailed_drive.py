@@ -64,7 +64,7 @@ def test_what_is_committed_trails_the_drive_closely():
 
 
 @pytest.mark.parametrize("seed", [3, 5])
-def test_a_drive_beside_others_is_left_behind_by_less_and_never_passed(seed):
+def test_a_drive_beside_others_is_left_behind_by_less_and_seldom_passed(seed):
     true, noise = strokes(seed, 100.0, -0.5, 0.5)[1], 1e-3
     behind = {alone: list[float]() for alone in (True, False)}
     for alone, kept in behind.items():
@@ -74,8 +74,10 @@ def test_a_drive_beside_others_is_left_behind_by_less_and_never_passed(seed):
             farthest = true[i] if turned is not None or not way else way * max(way * farthest, way * true[i])
             if turned is None and not drive.may_have_turned and way:
                 kept.append(way * (farthest - drive.committed) / noise)
-    assert min(behind[False]) > -0.5  # of the error of a turn
-    assert np.mean(behind[False]) < np.mean(behind[True]) - 0.2
+    passed = np.array(behind[False]) < 0.0
+    assert passed.mean() < 0.05  # two of its errors are 0.023
+    assert min(behind[False]) > -CHANCE.clear
+    assert np.mean(behind[False]) < np.mean(behind[True]) - 0.5
 
 
 def test_a_turn_is_likely_by_what_was_read_before_the_drive_shows_it():

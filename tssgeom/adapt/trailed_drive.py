@@ -37,7 +37,8 @@ class TrailSettings(NamedTuple):
     """Noises by which it trails the drive at most [1]. Measured: with 8, 16 and 24 errors are alike; 24 takes
     a fifth fewer steps, but one in some thousand of a machine then has no equilibrium."""
     certain: float = 2.0
-    """Noises by which a drive that goes on has not turned [1]. Chosen: two of its errors."""
+    """Noises by which a drive that goes on has not turned [1]. Chosen: two of its errors; one of several
+    is kept behind by as much, (315)."""
     turns: float = 0.05
     """Probability that it turns at a reading by which it does not get on [1]. Chosen: some readings a leg."""
     spread: float = 10.0
@@ -251,8 +252,8 @@ class TrailedDrive:
 
     def safe(self, *, alone: bool) -> float:
         """Return how far the drive has gone for sure; docs/model.md (239), beside other drives (315)."""
-        error = self.noise if alone else self.error
-        certain = self.way * (self.position - self.committed) - CHANCE.rare * error
+        margin = CHANCE.rare * self.noise if alone else TRAIL.certain * self.error
+        certain = self.way * (self.position - self.committed) - margin
         return self.committed + self.way * max(certain, 0.0)
 
     def needs_commit(self) -> bool:
