@@ -252,8 +252,8 @@ class TrailedDrive:
 
     def safe(self, *, alone: bool) -> float:
         """Return how far the drive has gone for sure; docs/model.md (239), beside other drives (315)."""
-        margin = CHANCE.rare * self.noise if alone else TRAIL.certain * self.error
-        certain = self.way * (self.position - self.committed) - margin
+        error = CHANCE.rare * self.noise if alone else TRAIL.certain * self.error
+        certain = self.way * (self.position - self.committed) - error
         return self.committed + self.way * max(certain, 0.0)
 
     def needs_commit(self) -> bool:
