@@ -3,9 +3,11 @@
 import inspect
 import types
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import fields, is_dataclass
 from typing import Any, NamedTuple, NotRequired, Union, get_args, get_origin, get_type_hints, is_typeddict
 
 import msgspec
+import numpy as np
 from docstrings import cell, field_docs, parted, sentences, wrapped
 
 from tssgeom.io.formats.cameras import CalibrationFile
@@ -103,6 +105,11 @@ def entries(kind: type) -> dict[str, Entry]:
     hints = get_type_hints(kind, include_extras=True)
     if is_typeddict(kind):
         return {name: Entry(name, *_of_hint(hint), kind) for name, hint in hints.items()}
+    if is_dataclass(kind):  # where a number is not finite, null is written
+        plain = get_type_hints(kind)
+        hints = {each.name: plain[each.name] for each in fields(kind)}
+        hints = {name: float | None if hint is float else hint for name, hint in hints.items()}
+        return {name: Entry(name, hint, False, kind) for name, hint in hints.items()}
     omitted = kind.__struct_config__.omit_defaults  # pyright: ignore[reportAttributeAccessIssue]
     return {
         each.encode_name: Entry(each.encode_name, hints[each.name], omitted and not each.required, kind)
@@ -117,7 +124,7 @@ def _of_hint(hint: Any) -> tuple[Any, bool]:
 def is_object(hint: Any) -> bool:
     """Whether a type is an object with keys of its own on this page."""
     struct = isinstance(hint, type) and issubclass(hint, msgspec.Struct)
-    return hint is not Rig and (is_typeddict(hint) or struct)
+    return hint is not Rig and (is_typeddict(hint) or is_dataclass(hint) or struct)
 
 
 def below(hint: Any) -> tuple[Any, str]:
@@ -158,6 +165,8 @@ def words(hint: Any, optional: bool = False) -> str:
     if origin in (types.UnionType, Union):
         kinds = dict.fromkeys(words(each) for each in inside if each is not type(None))
         return " or ".join([*kinds, *(["null"] if type(None) in inside and not optional else [])])
+    if origin is np.ndarray:
+        return "list of number or null"
     if origin in (list, tuple, Sequence):
         return f"list of {words(inside[0])}"
     if origin in (dict, Mapping):

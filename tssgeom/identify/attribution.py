@@ -159,14 +159,14 @@ def pointed(
 
 def _stretch(misfit: RouteMisfit) -> tuple[float, float] | None:
     """Return the one stretch that stands out, if less than half of the route does."""
-    high = np.flatnonzero(misfit.extra_angle_rad_per_m > CHANCE.clear * misfit.se)
+    high = np.flatnonzero(misfit.extra_angle_rad_per_m > CHANCE.clear * misfit.se_rad_per_m)
     if not len(high):
         return None
     span = int(high[-1] - high[0]) + 1
-    if span > len(misfit.s) // 2 or len(high) < span:
+    if span > len(misfit.s_m) // 2 or len(high) < span:
         return None
-    half = 0.5 * float(misfit.s[1] - misfit.s[0])
-    return float(misfit.s[high[0]] - half), float(misfit.s[high[-1]] + half)
+    half = 0.5 * float(misfit.s_m[1] - misfit.s_m[0])
+    return float(misfit.s_m[high[0]] - half), float(misfit.s_m[high[-1]] + half)
 
 
 def missing_shapes(
@@ -247,6 +247,6 @@ def _over_arc_length(
         mean = 0.0 if arcs is None else arcs.total_angle / arcs.total_length
         if mean > 0.0:
             friction = read_only(at.friction * (1.0 + misfit.extra_angle_rad_per_m / mean))
-            spread = read_only(at.friction * misfit.se / mean)
-            out.append(Shape("s_m", misfit.s, friction, spread, float(np.clip(share, 0.0, 1.0))))
+            spread = read_only(at.friction * misfit.se_rad_per_m / mean)
+            out.append(Shape("s_m", misfit.s_m, friction, spread, float(np.clip(share, 0.0, 1.0))))
     return out

@@ -97,13 +97,17 @@ class MisfitShare:
     """A cell of the heat map in which measured and simulated disagree."""
 
     channel: str
+    """Channel, with its unit."""
     phase: str
+    """`pull`, `pull_to_release`, `release`, `release_to_pull` or `hold`."""
     run: str
+    """Run of the campaign."""
     tension_range_N: tuple[float, float]
+    """Range of the proximal tension [N]."""
     route_range_m: tuple[float, float] | None
-    """Stretch of the route that the residual points at, where it points at one [m]."""
+    """Stretch of the route that the misfit points at; null, or None, where it points at none [m]."""
     share: float
-    """Of all calibrated residual power [1]."""
+    """Share of all calibrated residual power [1]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,12 +127,13 @@ class RouteMisfit:
     """Fitted friction of a route beyond the model, along its length."""
 
     route: str
-    s: Vector
-    """[k] [m]."""
+    """Route of the campaign."""
+    s_m: Vector
+    """Arc length [m]."""
     extra_angle_rad_per_m: Vector
-    """[k] Curve angle that is missing, per length [rad/m]."""
-    se: Vector
-    """[k] [rad/m]."""
+    """Curve angle that is missing there [rad/m]."""
+    se_rad_per_m: Vector
+    """Its standard error [rad/m]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,8 +151,11 @@ class Experiment:
     """What to measure next."""
 
     experiment: str
+    """What to measure."""
     expected_delta_bic: float
+    """Evidence that it is expected to give [1]."""
     separates: tuple[str, ...]
+    """Effects that it separates."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -194,11 +202,13 @@ class Shape:
     """What is missing where no name fits: friction over what it depends on."""
 
     over: str
-    """tension_N, speed_m_per_s, curvature_per_m, s_m or cycle."""
+    """Name and unit of `x`: tension_N, speed_m_per_s, curvature_per_m, s_m or cycle."""
     x: Vector
+    """Where friction is evaluated, in SI."""
     friction: Vector
-    """[k] Fitted coefficient of friction there [1]."""
+    """Fitted coefficient of friction there [1]."""
     se: Vector
+    """Its standard error [1]."""
     explains: float
     """Share of the misfit that it explains [1]."""
 

@@ -28,9 +28,11 @@ class ExpectedEvidence:
     """Expected evidence of the runs so far and of the proposed ones between two models."""
 
     true: str
+    """Model that is assumed to be true."""
     other: str
+    """Model that it is compared with."""
     delta_bic: float
-    """By which the other is worse if the first is true [1]."""
+    """By how much the other one is worse [1]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,12 +40,15 @@ class NarrowedInterval:
     """A number whose 95 % interval the proposed runs are expected to narrow."""
 
     name: str
+    """Name of the number."""
     value: float
+    """Its estimate, in `unit`."""
     unit: str
+    """Unit of the number."""
     half_width: float
-    """Of the interval now."""
+    """Half of its 95 % interval now, in `unit`."""
     expected: float
-    """Of the interval after the runs."""
+    """Half of it after the runs, in `unit`."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,11 +19,11 @@ from tssgeom.io.formats.paths import bytes_of, ending, require_lines, split, ste
 from tssgeom.io.formats.point_tables import is_plain
 from tssgeom.io.formats.tables import (
     as_numbers,
-    cells_of,
     parquet_columns,
     parquet_file,
     parquet_names,
     plain_names,
+    slow_columns,
 )
 from tssgeom.result import Result
 
@@ -31,7 +31,6 @@ IN_SI = {field: name for name, (field, per_si) in CHANNELS.items() if per_si == 
 """The column in SI of each field of `MeasuredRun`."""
 _CHANNELS = CHANNELS | MACHINE_CHANNELS
 _QUANTITIES = tuple({name.rpartition("_")[0] for name in _CHANNELS})
-_MISSING = {"", "nan", "null", "na"}
 _OF_MACHINE = sorted({in_si for in_si, _ in MACHINE_CHANNELS.values()})
 _ONCE = ", ".join(name for name in _OF_MACHINE if not any(map(str.isdigit, name)))
 _OF_TENDON = ", ".join(name for name in _OF_MACHINE if "_1_" in name)
@@ -289,45 +288,23 @@ def _times(path: Path, time: Vector) -> Vector:
 def _csv(path: Path, names: Sequence[str]) -> dict[str, Vector]:
     """Return the columns that are read."""
     lines = require_lines(path, bytes_of(path)).decode(errors="replace").splitlines()
-    wanted = _wanted(path, names)
-    rows = [
-        _numbers(path, line, text, names, wanted) for line, text in enumerate(lines[1:], 2) if text.strip()
-    ]
-    table = np.array(rows, dtype=np.float64).reshape(len(rows), len(wanted))
-    return {names[k]: table[:, i] for i, k in enumerate(wanted)}
+    values, _, faults = slow_columns(enumerate(lines[1:], 2), names, _wanted(path, names))
+    if faults:
+        raise SettingsError(f"{path}: {next(iter(faults.values()))}")
+    return values
 
 
-def _wanted(path: Path, names: Sequence[str]) -> list[int]:
-    """Return the indices of the columns that are read."""
+def _wanted(path: Path, names: Sequence[str]) -> list[str]:
+    """Return the columns that are read."""
     twice = [name for name in names if names.count(name) > 1]
     if twice:
         raise SettingsError(f"{path}: column {twice[0]!r} is there twice: keep one")
-    return [k for k, name in enumerate(names) if name == TIME or name in _CHANNELS]
-
-
-def _numbers(path: Path, line: int, text: str, names: Sequence[str], wanted: Sequence[int]) -> list[float]:
-    cells = cells_of(text)
-    if len(cells) != len(names):
-        raise SettingsError(
-            f"{path}: line {line}: {len(cells)} columns, the header has {len(names)}: mend the line"
-        )
-    return [_number(path, line, names[k], cells[k].strip()) for k in wanted]
-
-
-def _number(path: Path, line: int, name: str, cell: str) -> float:
-    if cell.lower() in _MISSING:
-        return np.nan
-    try:
-        return float(cell)
-    except ValueError as error:
-        raise SettingsError(
-            f"{path}: line {line}: {name} is {cell[:40]!r}: write a number or leave it empty"
-        ) from error
+    return [name for name in names if name == TIME or name in _CHANNELS]
 
 
 def _parquet(path: Path, names: Sequence[str]) -> dict[str, Vector]:
     with parquet_file(path) as file:
-        numbers = as_numbers(path, parquet_columns(path, file, [names[k] for k in _wanted(path, names)]))
+        numbers = as_numbers(path, parquet_columns(path, file, _wanted(path, names)))
     return {name: np.asarray(numbers[name].to_numpy(), np.float64) for name in numbers.column_names}
 
 

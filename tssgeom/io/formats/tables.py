@@ -244,29 +244,37 @@ def _slow(path: Path, raw: bytes, names: list[str], columns: Columns) -> Table:
 
 def slow_table(lines: Iterable[tuple[int, str]], names: Sequence[str], columns: Columns) -> Table:
     """Read numbered lines one by one, with the fault of each."""
+    values, numbers, faults = slow_columns(lines, names, columns.names)
+    return Table(columns, values, numbers, "line", faults)
+
+
+def slow_columns(
+    lines: Iterable[tuple[int, str]], names: Sequence[str], wanted: Sequence[str]
+) -> tuple[dict[str, Vector], NDArray[np.int64], dict[int, str]]:
+    """Return the wanted columns of numbered lines, the number of each row, and faults by index of the row."""
     rows: list[list[float]] = []
     numbers_of_lines: list[int] = []
     faults: dict[int, str] = {}
-    wanted = [names.index(name) for name in columns.names]
-    for line, text in lines:
-        if not text.strip():
+    at = [names.index(name) for name in wanted]
+    for line, row in lines:
+        if not row.strip():
             continue
-        cells = cells_of(text)
+        cells = cells_of(row)
         if len(cells) != len(names):
             faults[len(rows)] = (
                 f"line {line}: {len(cells)} columns, the header has {len(names)}: mend the line"
             )
-        numbers = [_number(cells[k]) if k < len(cells) else np.nan for k in wanted]
-        for name, k, number in zip(columns.names, wanted, numbers, strict=True):
+        numbers = [_number(cells[k]) if k < len(cells) else np.nan for k in at]
+        for name, k, number in zip(wanted, at, numbers, strict=True):
             if number is None:
+                text = cells[k].strip()[:40]
                 faults.setdefault(
-                    len(rows), f"line {line}: {name} is {cells[k][:40]!r}: write a number or leave it empty"
+                    len(rows), f"line {line}: {name} is {text!r}: write a number or leave it empty"
                 )
         rows.append([np.nan if number is None else number for number in numbers])
         numbers_of_lines.append(line)
-    numbers_by_column = np.array(rows, dtype=np.float64).reshape(-1, len(columns.names)).T
-    values = dict(zip(columns.names, numbers_by_column, strict=True))
-    return Table(columns, values, np.array(numbers_of_lines, dtype=np.int64), "line", faults)
+    by_column = np.array(rows, dtype=np.float64).reshape(-1, len(wanted)).T
+    return dict(zip(wanted, by_column, strict=True)), np.array(numbers_of_lines, dtype=np.int64), faults
 
 
 def cells_of(text: str) -> list[str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict, is_dataclass
 from pathlib import Path
 from typing import Any
 
@@ -19,19 +20,13 @@ from tssgeom.identify.finding import (
     Finding,
     LawCurve,
     Misfit,
-    MisfitShare,
-    RouteMisfit,
-    Shape,
 )
 from tssgeom.identify.mechanisms import MECHANISM_OF
 from tssgeom.io.results.keys.findings import (
-    AlongRoute,
     BaseNumber,
     EffectOf,
     EvidenceOf,
-    FrictionShape,
     Law,
-    MisfitCell,
     MisfitOf,
     Number,
     RankedCandidate,
@@ -80,23 +75,16 @@ def report_object(finding: Finding, version: str) -> Report:
         "effects": [effect for each in finding.effects for effect in _effects(each)],
         "tie": [list(tie.names) for tie in finding.ties],
         "tie_why": [{"gauge": tie.gauge, "why": tie.why} for tie in finding.ties],
-        "breaks_tie": [
-            {
-                "experiment": each.experiment,
-                "expected_delta_bic": each.expected_delta_bic,
-                "separates": list(each.separates),
-            }
-            for each in finding.breaks_tie
-        ],
+        "breaks_tie": finding.breaks_tie,
         "proposed": None if finding.proposal is None else proposal_object(finding.proposal),
         "unobservable": list(finding.unobservable),
         "unobservable_why": dict(finding.unobservable),
-        "where": [_misfit_share(each) for each in finding.where],
-        "along_route": [_along(each) for each in finding.along],
+        "where": finding.where,
+        "along_route": finding.along,
         "gap": _misfit(finding.misfit),
         "base": {name: _base(name, each, finding.nominal) for name, each in finding.base.items()},
         "base_tie": finding.base_tie,
-        "missing_shapes": [_shape(each) for each in finding.missing_shapes],
+        "missing_shapes": finding.missing_shapes,
         "ranking": [_ranked(each) for each in finding.ranking],
         "rig": RIG,
         "runs": [_run(trace.run, trace.route, trace.held_out, len(trace.time)) for trace in finding.traces],
@@ -171,26 +159,6 @@ def _base(name: str, each: Estimate, nominal: Mapping[str, float]) -> BaseNumber
     return number
 
 
-def _misfit_share(each: MisfitShare) -> MisfitCell:
-    return {
-        "channel": each.channel,
-        "phase": each.phase,
-        "run": each.run,
-        "tension_range_N": list(each.tension_range_N),
-        "route_range_m": None if each.route_range_m is None else list(each.route_range_m),
-        "share": each.share,
-    }
-
-
-def _along(each: RouteMisfit) -> AlongRoute:
-    return {
-        "route": each.route,
-        "s_m": each.s.tolist(),
-        "extra_angle_rad_per_m": each.extra_angle_rad_per_m.tolist(),
-        "se_rad_per_m": each.se.tolist(),
-    }
-
-
 def _misfit(each: Misfit) -> MisfitOf:
     return {
         "noise": dict(each.noise),
@@ -203,22 +171,14 @@ def _misfit(each: Misfit) -> MisfitOf:
     }
 
 
-def _shape(each: Shape) -> FrictionShape:
-    return {
-        "over": each.over,
-        "x": each.x.tolist(),
-        "friction": each.friction.tolist(),
-        "se": each.se.tolist(),
-        "explains": each.explains,
-    }
-
-
 def _run(name: str, route: str, held_out: bool, samples: int) -> RunOf:
     return {"name": name, "route": route, "held_out": held_out, "samples": samples}
 
 
 def _finite(value: Any) -> Any:
     """Return plain objects for JSON, null instead of numbers that are not finite."""
+    if is_dataclass(value) and not isinstance(value, type):
+        value = asdict(value)
     if isinstance(value, Mapping):
         return {key: _finite(item) for key, item in value.items()}
     if isinstance(value, np.ndarray):

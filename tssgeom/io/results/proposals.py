@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict, is_dataclass
 from pathlib import Path
 from typing import Any
 
@@ -42,22 +43,13 @@ def _drive_file(run: ProposedRun) -> str:
 
 def proposal_object(proposal: Proposal) -> ProposalObject:
     """Return `proposed` of `report.json`, in SI but for the limits, whose keys have their units."""
-    narrowed = proposal.narrowed
     return {
         "sentence": proposal.sentence,
         "candidates": list(proposal.candidates),
         "limits": dict(proposal.limits),
         "stated_limits": list(proposal.stated),
         "in_the_way": proposal.in_the_way,
-        "narrowed": None
-        if narrowed is None
-        else {
-            "name": narrowed.name,
-            "value": narrowed.value,
-            "unit": narrowed.unit,
-            "half_width": narrowed.half_width,
-            "expected": narrowed.expected,
-        },
+        "narrowed": proposal.narrowed,
         "runs": [_run(run) for run in proposal.runs],
     }
 
@@ -76,14 +68,14 @@ def _run(run: ProposedRun) -> Proposed:
         "corners": run.corners.tolist(),
         "why": run.why,
         "outcomes": list(run.outcomes),
-        "expected": [
-            {"true": each.true, "other": each.other, "delta_bic": each.delta_bic} for each in run.expected
-        ],
+        "expected": run.expected,
     }
 
 
 def _without_none(value: Any) -> Any:
     """Leave out what is not there, which TOML cannot express."""
+    if is_dataclass(value) and not isinstance(value, type):
+        value = asdict(value)
     if isinstance(value, dict):
         return {key: _without_none(item) for key, item in value.items() if item is not None}
-    return [_without_none(item) for item in value] if isinstance(value, list) else value
+    return [_without_none(item) for item in value] if isinstance(value, list | tuple) else value

@@ -81,10 +81,9 @@ def along_figure(finding: Finding) -> Figure:
     with figure((PAGE, 2.5)) as drawing:
         axes = drawing.subplots()
         for colour, misfit in zip(_LINES * len(finding.along), finding.along, strict=False):
-            s, want = 1e3 * misfit.s, misfit.extra_angle_rad_per_m
-            axes.fill_between(
-                s, want - 2 * misfit.se, want + 2 * misfit.se, color=colour, alpha=0.15, linewidth=0
-            )
+            s, want = 1e3 * misfit.s_m, misfit.extra_angle_rad_per_m
+            low, high = (want + side * misfit.se_rad_per_m for side in (-2.0, 2.0))
+            axes.fill_between(s, low, high, color=colour, alpha=0.15, linewidth=0)
             axes.plot(s, want, color=colour, marker="o", markersize=2.5, label=misfit.route)
         for k, arc_length in enumerate(bends(finding.effects)):
             axes.axvline(

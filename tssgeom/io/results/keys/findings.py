@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NotRequired, TypedDict
+
+from tssgeom.identify.finding import Experiment, MisfitShare, RouteMisfit, Shape
+from tssgeom.identify.proposal import ExpectedEvidence, NarrowedInterval
 
 
 class Number(TypedDict):
@@ -99,32 +103,6 @@ class TieOf(TypedDict):
     """One sentence."""
 
 
-class NextRun(TypedDict):
-    """An experiment that breaks a tie."""
-
-    experiment: str
-    """What to measure."""
-    expected_delta_bic: float | None
-    """Evidence that it is expected to give [1]."""
-    separates: list[str]
-    """Effects that it separates."""
-
-
-class Narrowed(TypedDict):
-    """A number whose interval the proposed runs narrow."""
-
-    name: str
-    """Name of the number."""
-    value: float
-    """Its estimate, in `unit`."""
-    unit: str
-    """Unit of the number."""
-    half_width: float
-    """Half of its 95 % interval now, in `unit`."""
-    expected: float
-    """Half of it after the runs, in `unit`."""
-
-
 class NewRoute(TypedDict):
     """Another route, as pieces of constant curvature."""
 
@@ -132,17 +110,6 @@ class NewRoute(TypedDict):
     """Length of each piece [m]."""
     angle_rad: list[float]
     """Curve angle of each piece [rad]."""
-
-
-class ExpectedOf(TypedDict):
-    """Evidence that is expected between two models."""
-
-    true: str
-    """Model that is assumed to be true."""
-    other: str
-    """Model that it is compared with."""
-    delta_bic: float | None
-    """By how much the other one is worse [1]."""
 
 
 class Proposed(TypedDict):
@@ -166,7 +133,7 @@ class Proposed(TypedDict):
     """Why this run."""
     outcomes: list[str]
     """What each outcome would mean."""
-    expected: list[ExpectedOf]
+    expected: Sequence[ExpectedEvidence]
     """Evidence for each pair of candidates."""
 
 
@@ -183,40 +150,10 @@ class ProposalObject(TypedDict):
     """Limits that the user stated; the others are those of the campaign."""
     in_the_way: str
     """The limit that stands against more, in a sentence; empty where none does."""
-    narrowed: Narrowed | None
+    narrowed: NarrowedInterval | None
     """Number whose interval is to narrow; null where models are to be separated."""
     runs: list[Proposed]
     """The runs."""
-
-
-class MisfitCell(TypedDict):
-    """Where measured and simulated disagree."""
-
-    channel: str
-    """Channel, with its unit."""
-    phase: str
-    """`pull`, `pull_to_release`, `release`, `release_to_pull` or `hold`."""
-    run: str
-    """Run of the campaign."""
-    tension_range_N: list[float]
-    """Range of the proximal tension [N]."""
-    route_range_m: list[float] | None
-    """Stretch of the route that the misfit points at; null where it points at none [m]."""
-    share: float
-    """Share of all calibrated misfit [1]."""
-
-
-class AlongRoute(TypedDict):
-    """Friction that a route wants beyond the model, along its length."""
-
-    route: str
-    """Route of the campaign."""
-    s_m: list[float]
-    """Arc length [m]."""
-    extra_angle_rad_per_m: list[float | None]
-    """Curve angle that is missing there [rad/m]."""
-    se_rad_per_m: list[float | None]
-    """Its standard error [rad/m]."""
 
 
 class PhaseMisfit(TypedDict):
@@ -239,21 +176,6 @@ class MisfitOf(TypedDict):
     """The same with the updated rig."""
     by_phase: dict[str, dict[str, PhaseMisfit]]
     """By channel and phase, over all runs."""
-
-
-class FrictionShape(TypedDict):
-    """Friction that is missing over one variable, where the library has no formula."""
-
-    over: str
-    """Name and unit of `x`."""
-    x: list[float]
-    """Where friction is evaluated, in SI."""
-    friction: list[float | None]
-    """Friction coefficient there [1]."""
-    se: list[float | None]
-    """Its standard error [1]."""
-    explains: float | None
-    """Share of the misfit that it explains [1]."""
 
 
 class RankedCandidate(TypedDict):
@@ -299,7 +221,7 @@ class Report(TypedDict):
     """Effects that the data cannot separate."""
     tie_why: list[TieOf]
     """Why, in the order of `tie`."""
-    breaks_tie: list[NextRun]
+    breaks_tie: Sequence[Experiment]
     """Experiments that would separate them."""
     proposed: ProposalObject | None
     """Runs that are proposed; null without `--propose`."""
@@ -307,9 +229,9 @@ class Report(TypedDict):
     """Effects that these channels cannot show."""
     unobservable_why: dict[str, str]
     """Why, by effect."""
-    where: list[MisfitCell]
+    where: Sequence[MisfitShare]
     """Where measured and simulated disagree, the largest share first."""
-    along_route: list[AlongRoute]
+    along_route: Sequence[RouteMisfit]
     """Friction beyond the model, along each route."""
     gap: MisfitOf
     """Misfit before and after."""
@@ -317,7 +239,7 @@ class Report(TypedDict):
     """Numbers of the rig that are refitted, by name."""
     base_tie: str
     """What a change of friction may stand for as well."""
-    missing_shapes: list[FrictionShape]
+    missing_shapes: Sequence[Shape]
     """Friction that is missing, where the verdict is `unknown`."""
     ranking: list[RankedCandidate]
     """All candidates, the best first."""

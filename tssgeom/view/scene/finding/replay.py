@@ -113,8 +113,8 @@ def _stretch(trace: Trace, route: Route, along: RouteMisfit | None, first: int, 
     s = route.s[nodes]
     misfit, error = np.zeros(len(s)), np.zeros(len(s))
     if along is not None:
-        misfit = np.interp(s, along.s, along.extra_angle_rad_per_m)
-        error = np.interp(s, along.s, along.se)
+        misfit = np.interp(s, along.s_m, along.extra_angle_rad_per_m)
+        error = np.interp(s, along.s_m, along.se_rad_per_m)
     position = _square_on(route.position[nodes])
     return Stretch(trace, route.arcs, first, position, s, misfit, error, evenly(len(trace.time), rows), nodes)
 
