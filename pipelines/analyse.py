@@ -182,10 +182,7 @@ def write_scene(
 ) -> None:
     """Write the Rerun recording of an input, and of the summary's frame the tube and the exported files.
 
-    Raises
-    ------
-    SourceError
-        Where the disk refuses, or a library that a format needs is missing.
+    Raises SourceError where the disk refuses, or a library that a format needs is missing.
     """
     from tssgeom.atomic import replacing
     from tssgeom.io.results.exports import tension_line, write_exports

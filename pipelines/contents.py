@@ -43,10 +43,7 @@ def files_and_campaigns(paths: Sequence[Path], columns: ColumnMap) -> Iterator[P
 def checked(path: Path, unit: str | None, columns: ColumnMap) -> dict[str, Any]:
     """Report what is in a file or folder: a campaign, a rig, a mesh, a run, a shape or a recording.
 
-    Raises
-    ------
-    ShapeError, SourceError, SettingsError
-        Where the file as a whole cannot be used.
+    Raises ShapeError, SourceError or SettingsError where the file as a whole cannot be used.
     """
     if is_campaign(path):
         return _checked_campaign(path, unit, columns)

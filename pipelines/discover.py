@@ -209,10 +209,7 @@ def _in_rig_file(finding: Finding, name: str) -> str:
 def asked(runs: int | None, limits: Sequence[str]) -> Asked | None:
     """Return how many experiments are asked for, and within which limits; None where none is.
 
-    Raises
-    ------
-    SettingsError
-        Where a limit is no `key=value`, or no experiment is asked for.
+    Raises SettingsError where a limit is no `key=value`, or no experiment is asked for.
     """
     from tssgeom.errors import SettingsError
     from tssgeom.identify.proposal import Asked
@@ -240,10 +237,7 @@ def _limit(word: str) -> tuple[str, float]:
 def check_folders(out: Path, more: Sequence[Path], *, proposes: bool) -> None:
     """Refuse to write proposals over measured runs.
 
-    Raises
-    ------
-    SettingsError
-        Where a folder of new runs is the one that proposals are written to.
+    Raises SettingsError where a folder of new runs is the one that proposals are written to.
     """
     from tssgeom.errors import SettingsError
     from tssgeom.io.results.proposals import FOLDER
@@ -260,10 +254,7 @@ def joined(
 ) -> Campaign:
     """Return a campaign with the new runs; `out` may hold the proposal that they follow.
 
-    Raises
-    ------
-    SettingsError, ShapeError, SourceError
-        Where a folder has no run, or one cannot be used.
+    Raises SettingsError, ShapeError or SourceError where a folder has no run, or one cannot be used.
     """
     from tssgeom.io.formats.joined_campaigns import PROPOSAL, with_runs
     from tssgeom.io.results.proposals import FOLDER

@@ -18,10 +18,7 @@ def write_figure(
 ) -> list[str]:
     """Draw a figure in the chosen style, write it in each of the formats, and return the names of the files.
 
-    Raises
-    ------
-    SourceError
-        Where the disk refuses.
+    Raises SourceError where the disk refuses.
     """
     from tssgeom.view.figures.plots import save
     from tssgeom.view.figures.style import for_print
@@ -37,10 +34,7 @@ def write_figure(
 def write_figures(folder: Path, name: str, figures: Mapping[str, Callable[[], Figure]]) -> list[str]:
     """Draw figures and write each as PDF and SVG, `NAME_FIGURE`, in the chosen style; return their names.
 
-    Raises
-    ------
-    SourceError
-        Where the disk refuses.
+    Raises SourceError where the disk refuses.
     """
     from tssgeom.view.figures.plots import VECTOR
 
@@ -56,10 +50,7 @@ def write_shape_figures(
 ) -> list[str]:
     """Draw the report's figures of a shape or of one frame of a recording, and return the names of the files.
 
-    Raises
-    ------
-    SourceError
-        Where the disk refuses.
+    Raises SourceError where the disk refuses.
     """
     from tssgeom.view.figures.shapes import figures_of
     from tssgeom.view.report.entry import series_of

@@ -93,10 +93,7 @@ def run_settings(
 ) -> RunSettings:
     """Check what the user chose.
 
-    Raises
-    ------
-    SettingsError
-        Where the rig file, the tension or the tube cannot be used.
+    Raises SettingsError where the rig file, the tension or the tube cannot be used.
     """
     given = tension_in is not None
     tension_in = TENSION_IN if tension_in is None else tension_in
@@ -121,10 +118,7 @@ def run_settings(
 def opened(path: Path, settings: RunSettings) -> Recording:
     """Open an input, and print how it was read where its names are not those of the formats.
 
-    Raises
-    ------
-    ShapeError, SourceError
-        Where the file cannot be used.
+    Raises ShapeError or SourceError where the file cannot be used.
     """
     recording = open_recording(path, settings.unit, settings.columns)
     print_reading(path, recording.notes, settings.columns)
@@ -221,13 +215,7 @@ def analysis_of(
 
 
 def require_used(name: str, source: str, recording: Recording, running: RunningSummary) -> Analysis:
-    """Return the analysis of an input.
-
-    Raises
-    ------
-    ShapeError
-        Where none of its frames could be used.
-    """
+    """Return the analysis of an input; raises ShapeError where none of its frames could be used."""
     if running.used:
         kind, timed = recording.kind, recording.timed
         return Analysis(name, source, recording.unit, kind, timed, running, recording.warnings)

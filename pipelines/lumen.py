@@ -41,10 +41,7 @@ class SensedLumen:
 def lumen_of(path: Path, unit: str, settings: RunSettings) -> SensedLumen | None:
     """Read the mesh around a shape: that of `--lumen`, else the file beside the shape.
 
-    Raises
-    ------
-    ShapeError, SourceError
-        Where the mesh cannot be used.
+    Raises ShapeError or SourceError where the mesh cannot be used.
     """
     file = settings.lumen or lumen_beside(path)
     if file is None:

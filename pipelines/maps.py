@@ -14,10 +14,7 @@ _given = list[ColumnMap]()
 def column_map(options: Sequence[str] | None, rig: Mapping[str, str] | None = None) -> ColumnMap:
     """Return the statements of a command, whose end reports those that no file used.
 
-    Raises
-    ------
-    SettingsError
-        Where one cannot be read.
+    Raises SettingsError where one cannot be read.
     """
     said = ColumnMap(options or (), rig)
     _given.append(said)

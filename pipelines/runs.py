@@ -85,10 +85,7 @@ def warn_about_unused(run: MeasuredRun, used: str, names: Sequence[str]) -> None
 def check_run(run: MeasuredRun, sensed: SensedFrames, rig: Rig) -> None:
     """Print the warnings of a run that drives, or is to be followed, on the longest of its routes.
 
-    Raises
-    ------
-    SettingsError
-        Where a rule refuses the run; docs/checks.md.
+    Raises SettingsError where a rule refuses the run; docs/checks.md.
     """
     arcs = max((result.arcs for result in sensed.results), key=lambda each: each.total_length)
     print_run_warnings(run, rig, arcs, fitted=False)
@@ -97,10 +94,7 @@ def check_run(run: MeasuredRun, sensed: SensedFrames, rig: Rig) -> None:
 def print_run_warnings(run: MeasuredRun, rig: Rig, arcs: Arcs, *, fitted: bool) -> list[str]:
     """Print and return the warnings of a run on a route; `fitted` is true where it is to be fitted.
 
-    Raises
-    ------
-    SettingsError
-        Where a rule refuses the run; docs/checks.md.
+    Raises SettingsError where a rule refuses the run; docs/checks.md.
     """
     remarks = run_remarks(run.columns, rig, length=arcs.total_length, angle=arcs.total_angle, fitted=fitted)
     warnings = warnings_of(run.path, remarks)
@@ -121,12 +115,8 @@ def sensed_route(path: Path | None, settings: RunSettings) -> SensedFrames:
 
     Where there is no file the route is the even bend that the rig gives.
 
-    Raises
-    ------
-    ShapeError, SourceError
-        Where the file cannot be used, or none of its frames.
-    SettingsError
-        Where there is neither file nor a route in the rig.
+    Raises ShapeError or SourceError where the file cannot be used, or none of its frames; SettingsError where
+    there is neither file nor a route in the rig.
     """
     if path is None:
         return SensedFrames("route", (even_bend(route_of_rig(settings.rig)),), ())
@@ -158,10 +148,7 @@ def value_range(values: Sequence[float]) -> list[float]:
 def temperature_of(run: MeasuredRun, settings: RunSettings) -> Vector | None:
     """Return the temperature of a run where an effect needs it [°C]; warn where it is missing.
 
-    Raises
-    ------
-    SettingsError
-        Where the column lacks a sample.
+    Raises SettingsError where the column lacks a sample.
     """
     needing = [effect for effect in settings.rig.effects if TEMPERATURE in effect.needs]
     if needing and run.temperature is None:
@@ -174,10 +161,7 @@ def write_run_recording(
 ) -> None:
     """Write the Rerun recording of a run, on the frames nearest in time.
 
-    Raises
-    ------
-    SourceError
-        Where the disk refuses.
+    Raises SourceError where the disk refuses.
     """
     from tssgeom.view.scene.recording import write_recording
 
@@ -191,10 +175,7 @@ def write_run_figures(
 ) -> list[str]:
     """Write the figures of a run, those of one frame at the last of its highest peaks of T_in.
 
-    Raises
-    ------
-    SourceError
-        Where the disk refuses.
+    Raises SourceError where the disk refuses.
     """
     from tssgeom.view.figures.shapes import figures_of
     from tssgeom.view.report.entry import Series

@@ -78,10 +78,7 @@ def _show(recordings: Sequence[Path], given: Path, screenshot: Path | None, *, w
 def recordings_in(path: Path) -> list[Path]:
     """Return a recording, or those inside a folder in the order of their names.
 
-    Raises
-    ------
-    SourceError
-        Where there is none.
+    Raises SourceError where there is none.
     """
     from tssgeom.errors import SourceError, require_file
 
@@ -101,10 +98,7 @@ def recordings_in(path: Path) -> list[Path]:
 def pairs(first: Path, second: Path) -> dict[str, tuple[Path, Path]]:
     """Return the pairs to compare, by name: two recordings, or those of one name in two folders.
 
-    Raises
-    ------
-    SourceError
-        Where a folder has no recording, or where no name is in both folders.
+    Raises SourceError where a folder has no recording, or where no name is in both folders.
     """
     from tssgeom.errors import SourceError
 

@@ -57,10 +57,7 @@ def replacing(path: Path) -> Iterator[Path]:
 
     The folder is created where it is missing. A writing that fails or is interrupted leaves `path` as it was.
 
-    Raises
-    ------
-    SourceError
-        Where `path` is no regular file, or the disk refuses; SpaceError where it is full.
+    Raises SourceError where `path` is no regular file, or the disk refuses; SpaceError where it is full.
     """
     draft = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
     try:
@@ -95,10 +92,7 @@ def replacing_all(folder: Path) -> Iterator[Path]:
 
     A writing that fails or is interrupted leaves `folder` as it was, or absent.
 
-    Raises
-    ------
-    SourceError
-        Where a name is taken by no regular file, or the disk refuses.
+    Raises SourceError where a name is taken by no regular file, or the disk refuses.
     """
     draft = folder / f".{os.getpid()}.draft"
     fresh = not folder.exists()

@@ -87,10 +87,7 @@ def refused(error: OSError) -> SourceError:
 def require_replaceable(path: Path) -> None:
     """Refuse to replace a device, a pipe or a folder with a file, and a name that is not UTF-8.
 
-    Raises
-    ------
-    SourceError
-        Where `path` is one of them.
+    Raises SourceError where `path` is one of them.
     """
     require_utf8(path)
     if os.path.exists(path) and not path.is_file():
@@ -100,10 +97,7 @@ def require_replaceable(path: Path) -> None:
 def require_utf8(path: str | Path) -> None:
     """Refuse to write to a name that is not UTF-8, which libraries of tables and pictures cannot open.
 
-    Raises
-    ------
-    SourceError
-        Where a byte of `path` is no part of a character.
+    Raises SourceError where a byte of `path` is no part of a character.
     """
     try:
         str(path).encode()
@@ -114,10 +108,7 @@ def require_utf8(path: str | Path) -> None:
 def require_file(path: Path) -> None:
     """Refuse a device or a pipe, which may have no end.
 
-    Raises
-    ------
-    SourceError
-        Where `path` exists and is neither a file nor a folder.
+    Raises SourceError where `path` exists and is neither a file nor a folder.
     """
     if os.path.exists(path) and not (path.is_file() or path.is_dir()):
         raise SourceError(f"{path}: a pipe or a device, which cannot be read twice: save it as a file")

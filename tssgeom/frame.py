@@ -91,12 +91,7 @@ def fit_frame(
 
     The points are filtered in time, by `now` where it is given, else by the filter of the last frame.
 
-    Raises
-    ------
-    ShapeError
-        Where the points cannot be a route.
-    FitError
-        Where they give no finite curve.
+    Raises ShapeError where the points cannot be a route; FitError where they give no finite curve.
     """
     if frame.curvatures is not None:
         stated = curvature_noise_of(frame, rig)
@@ -259,10 +254,7 @@ def _source(frame: Frame, rig: Rig) -> tuple[Source | None, float | None]:
 def noise_of(frame: Frame, rig: Rig) -> float | None:
     """Return the noise of a coordinate [m]: that of the rig, else that of the frame, else None.
 
-    Raises
-    ------
-    ShapeError
-        Where that of the frame is not positive and finite.
+    Raises ShapeError where that of the frame is not positive and finite.
     """
     return _stated(rig.shape.noise, frame.noise, "m")
 
@@ -306,10 +298,7 @@ def sensed_points(frame: Frame, rig: Rig, direction_noise: float | None) -> Shap
 
     The noise of a direction is that of each of its components [rad]; None where they are not to be used.
 
-    Raises
-    ------
-    ShapeError
-        Where the points cannot be a route.
+    Raises ShapeError where the points cannot be a route.
     """
     if frame.directions is None and frame.length is None:
         return clean(frame.points, frame.stations)
@@ -327,12 +316,8 @@ def sensed_points(frame: Frame, rig: Rig, direction_noise: float | None) -> Shap
 def require_usable(frame: Frame) -> None:
     """Refuse what neither a tendon nor a fit can use, before any fit.
 
-    Raises
-    ------
-    ShapeError
-        Where the points or the fibre cannot be a route, or the noise cannot be.
-    SettingsError
-        Where the tension is negative or not finite, or there are two targets.
+    Raises ShapeError where the points or the fibre cannot be a route, or the noise cannot be; SettingsError
+    where the tension is negative or not finite, or there are two targets.
     """
     rig = Rig()
     if frame.curvatures is not None:

@@ -166,13 +166,7 @@ class Coordinates(NamedTuple):
 
 
 def tendon_count(drive: Drive, end: End) -> int:
-    """Return how many tendons a rig has.
-
-    Raises
-    ------
-    SettingsError
-        Where drive and end do not go together.
-    """
+    """Return how many tendons a rig has; raises SettingsError where drive and end do not go together."""
     count = {"tendon": 1, "pair": 2, "loop": 2}.get(drive.kind, len(end.tendon_angles_deg))
     if end.kind == "segment" and count != len(end.tendon_angles_deg):
         raise SettingsError(

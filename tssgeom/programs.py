@@ -44,10 +44,7 @@ def running(command: Sequence[str], **options: Any) -> Iterator[subprocess.Popen
 
     Another thread starts it, since a signal that came meanwhile to the main thread would lose the process.
 
-    Raises
-    ------
-    OSError
-        Where the system refuses.
+    Raises OSError where the system refuses.
     """
     program = _Program()
     _programs.add(program)

@@ -295,10 +295,7 @@ def read_uncertain_rig(path: str | Path) -> tuple[Rig, tuple[Uncertain, ...]]:
 def with_values(rig: Rig, values: Mapping[str, float]) -> Rig:
     """Return a rig with some of its numbers changed, by key.
 
-    Raises
-    ------
-    SettingsError
-        Where a value is out of bounds.
+    Raises SettingsError where a value is out of bounds.
     """
     tables = msgspec.to_builtins(rig)
     tables["route"]["bends"] = [*rig.route.bends]  # a list can be changed

@@ -35,12 +35,7 @@ def sensed_route(
     Where the last one showed nothing of Φ, the fit from nothing stays if it shows more. `NotWarmError` is
     raised where a fit from nothing is needed, and the last one is to be `warm_only`.
 
-    Raises
-    ------
-    ShapeError
-        Where the points cannot be a route.
-    FitError
-        Where they give no finite curve.
+    Raises ShapeError where the points cannot be a route; FitError where they give no finite curve.
     """
     if (
         last is None

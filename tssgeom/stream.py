@@ -158,12 +158,8 @@ def pulled(
 
     Where a `follower` takes in its readings, tendon and rig are the follower's.
 
-    Raises
-    ------
-    SettingsError
-        Where the tension is negative or not finite, or a target out of reach.
-    FitError
-        Where the tendon has no equilibrium.
+    Raises SettingsError where the tension is negative or not finite, or a target out of reach; FitError where
+    the tendon has no equilibrium.
     """
     if rig.is_machine:
         commander = commander or commander_of(rig)
@@ -270,10 +266,7 @@ def _of_machine(
 def _readings(frame: Frame, rig: Rig) -> tuple[dict[str, float], tuple[str, ...]]:
     """Return what a frame measures of a machine, by channel, and a warning for each reading that it has not.
 
-    Raises
-    ------
-    SettingsError
-        Where a target is that of one tendon, or a reading is not finite.
+    Raises SettingsError where a target is that of one tendon, or a reading is not finite.
     """
     if frame.displacement_target is not None or frame.tension_out_target is not None:
         raise SettingsError(f"the target is of one tendon on a spring: a joint takes {JOINT_TARGET}")
@@ -313,10 +306,7 @@ _MAY_DRIVE = ("motor_", "displacement_in", "tension_in")
 def _unread(frame: Frame) -> tuple[str, ...]:
     """Name the readings of a machine in a frame of one tendon.
 
-    Raises
-    ------
-    SettingsError
-        Where one of them may be the drive, and nothing else drives the tendon.
+    Raises SettingsError where one of them may be the drive, and nothing else drives the tendon.
     """
     if not frame.of_machine:
         return ()

@@ -10,13 +10,7 @@ _LONG_KEY = re.compile(rb"""(?<![\w"'-])(?:[\w"'-]++\s*+\.\s*+){%d}""" % _MOST_P
 
 
 def with_short_keys(content: bytes) -> bytes:
-    """Return the content of a TOML file.
-
-    Raises
-    ------
-    msgspec.DecodeError
-        Where a key has more than 100 parts.
-    """
+    """Return the content of a TOML file; raises msgspec.DecodeError where a key has more than 100 parts."""
     if _LONG_KEY.search(content):
         raise msgspec.DecodeError(f"a key has more than {_MOST_PARTS} parts")
     return content

@@ -95,10 +95,7 @@ class Uncertain:
 def parted(tables: dict[str, Any]) -> tuple[dict[str, Any], tuple[Uncertain, ...]]:
     """Return the tables of a rig with a number for each one that is not certain, and those.
 
-    Raises
-    ------
-    SettingsError
-        Where an error is no number above 0, or nothing is known of what may be unknown.
+    Raises SettingsError where an error is no number above 0, or nothing is known of what may be unknown.
     """
     uncertain = list[Uncertain]()
 

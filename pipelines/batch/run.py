@@ -77,12 +77,8 @@ def run(
 ) -> int:
     """Analyse all inputs, write the results to `out`, and return the exit status.
 
-    Raises
-    ------
-    SourceError
-        Where the folder cannot be used; SpaceError where no room is left in it.
-    SettingsError
-        Where the scheduler cannot be reached.
+    Raises SourceError where the folder cannot be used; SpaceError where no room is left in it; SettingsError
+    where the scheduler cannot be reached.
     """
     folder = Folder.of(out)
     with locked(folder):
@@ -197,10 +193,8 @@ class Batch:
     def run(self, refusals: Sequence[Refusal], options: BatchOptions, *, quiet: bool) -> None:
         """Do every input, and print errors as they happen.
 
-        Raises
-        ------
-        SpaceError
-            Where the disk is full; finished inputs are noted, and the next run goes on from there.
+        Raises SpaceError where the disk is full; finished inputs are noted, and the next run goes on from
+        there.
         """
         if self.left_out:
             print_message(left_out_text(self.left_out))
@@ -244,10 +238,7 @@ class Batch:
     def write_results(self, settings: RunSettings, options: BatchOptions) -> None:
         """Write the summary, the report and, last, the record of the run.
 
-        Raises
-        ------
-        SourceError
-            Where the disk refuses.
+        Raises SourceError where the disk refuses.
         """
         finished = self.finished
         self.outlying = outlying_inputs([done.row for done in finished])

@@ -144,10 +144,7 @@ class WorkerPool:
     def ordered(self, work: Callable[..., Done], calls: Iterable[tuple[Any, ...]]) -> Iterator[Done]:
         """Yield the result of each call in their order; a call is taken when a worker is free.
 
-        Raises
-        ------
-        SourceError
-            Where a worker dies.
+        Raises SourceError where a worker dies.
         """
         running = deque[Future[Done]]()
         for call in calls:

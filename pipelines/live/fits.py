@@ -203,10 +203,7 @@ class Fits:
     def ended(self) -> LongFit | None:
         """Return a fit that has ended; None where there is none.
 
-        Raises
-        ------
-        BaseException
-            Where it ended with an error that no frame should raise.
+        Raises BaseException where it ended with an error that no frame should raise.
         """
         if not self._done:
             return None

@@ -22,10 +22,7 @@ def locked(paths: Sequence[Path]) -> Iterator[None]:
 
     The lock is a hidden file beside each, so that a folder in which nothing can be written is refused too.
 
-    Raises
-    ------
-    SourceError
-        Where another stream writes one of them, or where it cannot be written.
+    Raises SourceError where another stream writes one of them, or where it cannot be written.
     """
     with ExitStack() as stack:
         for path in paths:
@@ -82,10 +79,7 @@ _UNITS = {"s": 1.0, "min": 60.0, "h": 3600.0, "MB": 1e6, "GB": 1e9, "MiB": 1 << 
 def rotation_of(text: str) -> Rotation:
     """Return the rotation that a user wrote, such as 500MB or 30min.
 
-    Raises
-    ------
-    SettingsError
-        Where it is no positive size or time.
+    Raises SettingsError where it is no positive size or time.
     """
     match = re.fullmatch(r"\s*(\d+(?:\.\d*)?)\s*([A-Za-z]+)\s*", text)
     value = float(match[1]) * _UNITS.get(match[2], 0.0) if match else 0.0
@@ -102,10 +96,7 @@ def kept_recording(path: Path, report: Callable[[str], object]) -> Iterator[Path
 
     What a killed stream left of a recording gets a name. Where the file exists, the new one has a number.
 
-    Raises
-    ------
-    SourceError
-        Where another stream writes there.
+    Raises SourceError where another stream writes there.
     """
     numbered = re.compile(rf"\.({re.escape(path.stem)}(?:-\d+)?)\.part{re.escape(path.suffix)}")
     for part in sorted(path.parent.iterdir()):
@@ -130,10 +121,7 @@ def kept_recording(path: Path, report: Callable[[str], object]) -> Iterator[Path
 def next_recording(path: Path) -> Iterator[Path]:
     """Lock and yield the recording after those that are there; its number is greater than theirs.
 
-    Raises
-    ------
-    SourceError
-        Where another stream writes there.
+    Raises SourceError where another stream writes there.
     """
     fresh = _numbered(path)
     with locked([fresh]):

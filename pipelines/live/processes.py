@@ -284,10 +284,7 @@ def await_ready(
 ) -> None:
     """Wait until all processes are ready, and report what takes long.
 
-    Raises
-    ------
-    SourceError
-        Where one of them cannot do its work.
+    Raises SourceError where one of them cannot do its work.
     """
     end, reported = monotonic() + _LIMITS.start, monotonic() + _LIMITS.start_reported
     while late := [process for process in processes if not process.ready]:

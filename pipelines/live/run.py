@@ -99,10 +99,8 @@ class LiveOptions:
 def run(options: LiveOptions, settings: RunSettings) -> int:
     """Answer frames until the sources end or a signal comes; return the exit status.
 
-    Raises
-    ------
-    SettingsError, ShapeError, SourceError
-        Where a source, a sink or a file cannot be opened, and on Windows.
+    Raises SettingsError, ShapeError or SourceError where a source, a sink or a file cannot be opened, and on
+    Windows.
     """
     if not hasattr(select, "poll"):
         raise SettingsError("this system cannot poll standard streams: use Linux, macOS, or tssgeom.Engine")

@@ -21,10 +21,7 @@ _MOST_SEARCHED = 400
 def board_of(corners: str, square_mm: float | None, family: str | None, tag_mm: float | None) -> Board:
     """Return the board that the user describes.
 
-    Raises
-    ------
-    SettingsError
-        Where its corners or the size of its squares are missing or no numbers.
+    Raises SettingsError where its corners or the size of its squares are missing or no numbers.
     """
     columns, _, rows = corners.lower().partition("x")
     if not (columns.isdecimal() and rows.isdecimal()):
@@ -50,10 +47,8 @@ def run(
 ) -> int:
     """Calibrate cameras, write the file and return the exit status.
 
-    Raises
-    ------
-    SettingsError, ShapeError, SourceError, FitError
-        Where the images cannot be used, the boards do not determine the cameras, or the disk refuses.
+    Raises SettingsError, ShapeError, SourceError or FitError where the images cannot be used, the boards do
+    not determine the cameras, or the disk refuses.
     """
     if out.suffix.lower() not in {".toml", ".json"}:
         raise SettingsError(f"{out}: a calibration is written as .toml or .json: name --out so")

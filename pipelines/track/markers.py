@@ -51,10 +51,7 @@ def image_options(
 ) -> ImageOptions:
     """Check the appearance of the markers.
 
-    Raises
-    ------
-    SettingsError
-        Where neither tags nor blobs are given, or both.
+    Raises SettingsError where neither tags nor blobs are given, or both.
     """
     if (family is None) == (appearance is None):
         raise SettingsError("state what the markers are: --tags FAMILY, or --blobs bright, dark or #RRGGBB")
@@ -72,10 +69,7 @@ def marker_options(
 ) -> Wanted:
     """Check how the markers are ordered, and what gives the depth for one camera.
 
-    Raises
-    ------
-    SettingsError
-        Where a list of numbers is none, or a size is not positive.
+    Raises SettingsError where a list of numbers is none, or a size is not positive.
     """
     if tag_mm is not None and not tag_mm > 0:
         raise SettingsError(f"--tag-mm is {tag_mm:g} mm: give a side > 0 mm")
@@ -113,10 +107,8 @@ def run(
 ) -> int:
     """Track markers and return the exit status.
 
-    Raises
-    ------
-    SettingsError, ShapeError, SourceError
-        Where an input cannot be used, the order of the markers is ambiguous, or the disk refuses.
+    Raises SettingsError, ShapeError or SourceError where an input cannot be used, the order of the markers is
+    ambiguous, or the disk refuses.
     """
     if calibration is None:
         raise SettingsError("--calibration is missing: make one with tssgeom track --calibrate")
@@ -157,10 +149,8 @@ def run(
 def matched(cameras: tuple[Camera, ...], footage: Footage) -> tuple[Camera, ...]:
     """Give each source its camera: by name where all names are known, else in order.
 
-    Raises
-    ------
-    SettingsError
-        Where there are more sources than cameras, or one source instead of several without its name.
+    Raises SettingsError where there are more sources than cameras, or one source instead of several without
+    its name.
     """
     named = {camera.name: camera for camera in cameras}
     names = [source.name for source in footage.sources]

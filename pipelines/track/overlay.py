@@ -61,10 +61,7 @@ class DetectedFootage:
 def write_overlays(folder: Path, footage: DetectedFootage) -> list[str]:
     """Draw frames with the markers that were detected, all cameras side by side, and return the files.
 
-    Raises
-    ------
-    SourceError
-        Where the disk refuses.
+    Raises SourceError where the disk refuses.
     """
     return [_write(folder / f"frame_{k:06d}.jpg", images) for k, images in footage.images()]
 
@@ -72,10 +69,7 @@ def write_overlays(folder: Path, footage: DetectedFootage) -> list[str]:
 def write_picture(path: Path, footage: DetectedFootage, text: str) -> str:
     """Write a Rerun recording with the images, the markers detected in them, and the markers in space.
 
-    Raises
-    ------
-    SourceError
-        Where the disk refuses.
+    Raises SourceError where the disk refuses.
     """
     from tssgeom.view.scene.track import Tracked, write_track_recording
 
@@ -106,10 +100,7 @@ def write_board_overlays(
 ) -> list[str]:
     """Draw images with the corners of the board that were detected, all cameras side by side.
 
-    Raises
-    ------
-    SourceError
-        Where the disk refuses.
+    Raises SourceError where the disk refuses.
     """
     selected = set(evenly(len(detections), _MOST_PAINTED).tolist())
     written = list[str]()

@@ -104,10 +104,7 @@ def chosen(effect: msgspec.Struct) -> dict[str, str]:
 def together(setup: Setup, effects: Iterable[AnyEffect]) -> Setup:
     """Return the setup with all effects in it.
 
-    Raises
-    ------
-    SettingsError
-        Where an effect that can act once is given twice.
+    Raises SettingsError where an effect that can act once is given twice.
     """
     once = set()
     for effect in effects:

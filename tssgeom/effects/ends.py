@@ -162,13 +162,7 @@ class ChannelLag(Effect, frozen=True):
     parameters: ClassVar[dict[str, Parameter]] = {"lag_s": Parameter("s", 0.0, 100.0, 0.05, 0.1)}
 
     def on(self, setup: Setup) -> Setup:
-        """Return the setup with this effect in it.
-
-        Raises
-        ------
-        SettingsError
-            Where the channel lags already.
-        """
+        """Return the setup with this effect in it; raises SettingsError where the channel lags already."""
         if any(channel == self.channel for channel, _ in setup.lags):
             raise SettingsError(f"effects.channel_lag: {self.channel} lags twice; give one lag_s [s]")
         if self.lag_s == 0.0:

@@ -88,10 +88,7 @@ class StretchLaw(Effect, frozen=True):
     def on(self, setup: Setup) -> Setup:
         """Return the setup with this law in it.
 
-        Raises
-        ------
-        SettingsError
-            Where the tendon would grow shorter under more tension.
+        Raises SettingsError where the tendon would grow shorter under more tension.
         """
         y = np.array(self.stretch)
         soft = setup.load_stiffness**-1.0 if self.of == "load" and setup.load_stiffness > 0.0 else 0.0
@@ -122,13 +119,7 @@ class CreepLaw(Effect, frozen=True):
             raise SettingsError("effects.creep_law: give positive times, and ratios from 0 on")
 
     def on(self, setup: Setup) -> Setup:
-        """Return the setup with this law in it.
-
-        Raises
-        ------
-        SettingsError
-            Where there is creep already.
-        """
+        """Return the setup with this law in it; raises SettingsError where there is creep already."""
         if setup.creep_ratio or setup.more_creep:
             raise SettingsError("effects: creep is given twice; keep creep or creep_law")
         elements = [(r, t) for r, t in zip(self.ratio, self.time_s, strict=True) if r > 0.0]
@@ -177,13 +168,7 @@ def check_points(name: str, x: tuple[float, ...], y: tuple[float, ...], key: str
 
 
 def with_curve(setup: Setup, curve: Curve) -> Setup:
-    """Return the setup with one curve more.
-
-    Raises
-    ------
-    SettingsError
-        Where it has one for the same.
-    """
+    """Return the setup with one curve more; raises SettingsError where it has one for the same."""
     if any(each.table == curve.table for each in setup.curves):
         raise SettingsError(f"effects: two laws over the same ({curve.table}); keep one of them")
     return replace(setup, curves=(*setup.curves, curve))

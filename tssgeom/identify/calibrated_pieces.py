@@ -97,10 +97,7 @@ def calibrate_pieces(
 def piece_edges(time: Vector, every: float) -> Vector:
     """Return where the pieces of a log begin, and where the last one ends [s].
 
-    Raises
-    ------
-    SettingsError
-        Where `every` is not above 0, or makes too many pieces.
+    Raises SettingsError where `every` is not above 0, or makes too many pieces.
     """
     first, last = float(time[0]), float(time[-1])
     count = (last - first) / every if every > 0.0 else np.inf

@@ -161,10 +161,7 @@ def calibrated_run(
     Without a `drive` it is the tension, unless that is missing. Where it is the position although the tension
     is measured, levels of its turns are fitted as those of a tension are; docs/model.md (275).
 
-    Raises
-    ------
-    SettingsError
-        Where there is no drive or no response.
+    Raises SettingsError where there is no drive or no response.
     """
     with_tension = measured.tension_in is not None
     drive = drive or ("tension_in_N" if with_tension else "displacement_in_m")

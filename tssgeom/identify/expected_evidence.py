@@ -41,10 +41,7 @@ class Predicted:
 def predicted(reading: Reading, rig: Rig, models: Sequence[CandidateModel]) -> Predicted:
     """Return what each model predicts of a run, the noise of the sensors white.
 
-    Raises
-    ------
-    FitError
-        Where a model has no equilibrium in it.
+    Raises FitError where a model has no equilibrium in it.
     """
     channels = tuple(run_channels(reading, model.at.rig(rig), model.at.effects) for model in models)
     stack = stacked([reading])

@@ -80,10 +80,7 @@ def readings(campaign: Campaign, drive: Drive | None = None) -> tuple[tuple[Read
 
     Without a `drive` it is the position, unless that is missing or far noisier than the proximal tension.
 
-    Raises
-    ------
-    SettingsError
-        Where a run cannot be used: no drive, no answer, too few readings.
+    Raises SettingsError where a run cannot be used: no drive, no answer, too few readings.
     """
     if not campaign.runs:
         raise SettingsError(f"{campaign.name}: no runs; list at least one [[run]]")

@@ -22,10 +22,7 @@ _BLOCK = 1 << 20  # bytes that are copied at a time
 def local(address: str) -> Path | None:
     """Return the path of an address on this machine; None for one elsewhere.
 
-    Raises
-    ------
-    SourceError
-        Where the address cannot be reached.
+    Raises SourceError where the address cannot be reached.
     """
     if "://" not in address:
         return Path(address)
@@ -49,10 +46,7 @@ def files_at(address: str) -> list[tuple[str, int]]:
 
     Hidden files, and those in hidden folders, are left out.
 
-    Raises
-    ------
-    SourceError
-        Where the address cannot be listed.
+    Raises SourceError where the address cannot be listed.
     """
     import pyarrow.fs as pafs
 
@@ -76,10 +70,7 @@ def files_at(address: str) -> list[tuple[str, int]]:
 def fetched(address: str) -> Iterator[Path]:
     """Yield a file on this machine with the content of an address; of one elsewhere, a temporary copy.
 
-    Raises
-    ------
-    SourceError
-        Where it cannot be read.
+    Raises SourceError where it cannot be read.
     """
     here = local(address)
     if here is not None:
@@ -119,10 +110,7 @@ class Folder:
     def replacing(self, name: str) -> Iterator[Path]:
         """Yield a path to write to; on leaving, its content replaces the file `name`.
 
-        Raises
-        ------
-        SourceError
-            Where it cannot be written; SpaceError where the disk is full.
+        Raises SourceError where it cannot be written; SpaceError where the disk is full.
         """
         if self.here is not None:
             with replacing(self.here / name) as draft:
@@ -198,10 +186,7 @@ class Folder:
     def remove(self, names: Iterable[str]) -> None:
         """Remove the files that exist and lie in this folder.
 
-        Raises
-        ------
-        SourceError
-            Where they cannot be removed.
+        Raises SourceError where they cannot be removed.
         """
         for name in names:
             if ".." in PurePosixPath(name).parts or name.startswith("/"):

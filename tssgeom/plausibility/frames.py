@@ -126,23 +126,14 @@ def command_remarks(rig: Rig, length: float, tension: float, displacement: float
 
 
 def require_command(rig: Rig, length: float, tension: float, displacement: float) -> None:
-    """Refuse a command that no drive should get.
-
-    Raises
-    ------
-    SettingsError
-        Where a rule refuses it.
-    """
+    """Refuse a command that no drive should get; raises SettingsError where a rule refuses it."""
     warnings_of(None, command_remarks(rig, length, tension, displacement))
 
 
 def require_one_target(displacement: float | None, tension_out: float | None) -> None:
     """Refuse a target movement [m] beside a target tension [N] of the distal end.
 
-    Raises
-    ------
-    SettingsError
-        Where both are given.
+    Raises SettingsError where both are given.
     """
     if displacement is not None and tension_out is not None:
         raise SettingsError(

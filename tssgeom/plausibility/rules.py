@@ -23,10 +23,7 @@ def remark(rule: str, subject: Subject, measured: str) -> Remark:
 def warnings_of(where: object | None, remarks: Iterable[Remark]) -> list[str]:
     """Return the warnings among remarks, a line each.
 
-    Raises
-    ------
-    SettingsError
-        Where one of them refuses; its message begins with `where`, unless that is None.
+    Raises SettingsError where one of them refuses; its message begins with `where`, unless that is None.
     """
     listed = list(remarks)
     for each in listed:

@@ -47,11 +47,8 @@ def estimated_noise(directions: Points, tangent: Points, parameters: float) -> f
 def checked_directions(directions: Points, points: Points) -> tuple[Points, tuple[str, ...]]:
     """Return unit tangents [n, 3] at the points [n, 3], rows of NaN where none can be used, and warnings.
 
-    Raises
-    ------
-    ShapeError
-        Where there is not one row for each point, where a row is no unit vector, or where they run
-        backwards.
+    Raises ShapeError where there is not one row for each point, where a row is no unit vector, or where they
+    run backwards.
     """
     return _along_route(unit_directions(directions, points), points)
 
@@ -59,10 +56,7 @@ def checked_directions(directions: Points, points: Points) -> tuple[Points, tupl
 def unit_directions(directions: Points, points: Points) -> Points:
     """Return sensed directions as unit vectors, a row of NaN where none was sensed [n, 3].
 
-    Raises
-    ------
-    ShapeError
-        Where there is not one row for each point, or where a row is no unit vector.
+    Raises ShapeError where there is not one row for each point, or where a row is no unit vector.
     """
     d = np.array(directions, dtype=np.float64)
     if d.shape != points.shape:

@@ -155,10 +155,7 @@ def checked(result: RouteFit, shape: Shape) -> RouteFit:
 
     Points that share errors with their neighbours are left alone: their path is longer than noise explains.
 
-    Raises
-    ------
-    FitError
-        Where it lost them.
+    Raises FitError where it lost them.
     """
     if shape.length is not None:
         result = given_length(result, shape.length, shape.length_noise)

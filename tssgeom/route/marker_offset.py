@@ -156,10 +156,7 @@ def _on_axes(tangent: Points, first: Points, offset: Matrix) -> Points:
 def carried_axis(tangent: Points, axis: Vector) -> Points:
     """Return an axis carried along unit tangents [n, 3] without twist, normal to each [n, 3].
 
-    Raises
-    ------
-    ShapeError
-        Where the axis lies along the first tangent.
+    Raises ShapeError where the axis lies along the first tangent.
     """
     first = axis - (axis @ tangent[0]) * tangent[0]
     if np.linalg.norm(first) < _LEAST_ACROSS * np.linalg.norm(axis):

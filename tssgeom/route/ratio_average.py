@@ -251,10 +251,7 @@ def _problem(shape: Shape, noise: float | None, spline: Spline) -> Problem:
 def _converged(problem: Problem, before: Solution | LastPass, ratio: float) -> _State:
     """Fit at one λ in passes, until they change little; returns that of the greatest posterior.
 
-    Raises
-    ------
-    FitError
-        Where the points give no finite curve.
+    Raises FitError where the points give no finite curve.
     """
     solution, reached, best = before, math.inf, None
     for _ in range(GRID.passes):

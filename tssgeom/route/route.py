@@ -102,10 +102,7 @@ def arcs_over_chords(points: Points) -> Vector:
 def station_warnings(points: Points, known: Vector) -> tuple[str, ...]:
     """Compare stations, from 0 [m], with the path between the points, which cannot be longer.
 
-    Raises
-    ------
-    ShapeError
-        Where they cannot belong to each other.
+    Raises ShapeError where they cannot belong to each other.
     """
     path, over, _ = core.against_stations(points, known, max(len(points) // STATIONS.chords, 1))
     if known[-1] > STATIONS.refusal * path or over > STATIONS.refusal:

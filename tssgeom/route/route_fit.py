@@ -281,13 +281,7 @@ def is_off(squares: float, points: int, spacing: float, noise: float) -> bool:
 
 
 def refuse_folded(route: Route) -> None:
-    """Refuse a route that turns straight back between two nodes.
-
-    Raises
-    ------
-    FitError
-        Where it does.
-    """
+    """Refuse a route that turns straight back between two nodes; raises FitError where it does."""
     if is_folded(route):
         raise FitError(
             "no route fits the points: between some of them it turns straight back, or more sharply than "
@@ -298,11 +292,8 @@ def refuse_folded(route: Route) -> None:
 def refuse_lost(fit: RouteFit, points: Points) -> None:
     """Refuse a fit that lost its points [m] on the way, as where a route turns back between two of them.
 
-    Raises
-    ------
-    FitError
-        Where a number is not finite, a piece has no length, the angle is unknown, many points were ignored,
-        or the path from point to point is longer than the route, or far shorter.
+    Raises FitError where a number is not finite, a piece has no length, the angle is unknown, many points
+    were ignored, or the path from point to point is longer than the route, or far shorter.
     """
     arcs = fit.arcs
     length, _, angle_se, shortest, every = core.totals(arcs.length, arcs.angle, arcs.covariance)

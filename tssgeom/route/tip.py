@@ -69,12 +69,8 @@ class TipReadings(NamedTuple):
 def fit_tip(sensed: TipReadings) -> RouteFit:
     """Return the mean of all routes from the base to the tip, with the spread between them.
 
-    Raises
-    ------
-    ShapeError
-        Where the tip is farther from the base than the route is long.
-    FitError
-        Where no route fits both.
+    Raises ShapeError where the tip is farther from the base than the route is long; FitError where no route
+    fits both.
     """
     chord = float(np.linalg.norm(sensed.tip - sensed.base))
     allowed = math.hypot(sensed.noise, sensed.length_noise)

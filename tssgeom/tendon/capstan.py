@@ -45,10 +45,7 @@ class Corners:
 def check_tension(tension_in: float) -> None:
     """Refuse what no tendon's proximal tension can be [N].
 
-    Raises
-    ------
-    SettingsError
-        Where it is negative, not finite, or beyond `MOST_TENSION`.
+    Raises SettingsError where it is negative, not finite, or beyond `MOST_TENSION`.
     """
     if not 0.0 <= tension_in <= MOST_TENSION:
         raise SettingsError(

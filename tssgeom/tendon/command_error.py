@@ -170,10 +170,7 @@ def variants_of(
     Each has one number a standard deviation higher or lower. All begin with `state`; without it each begins
     at its own pretension.
 
-    Raises
-    ------
-    SettingsError
-        Where a number is out of bounds a standard deviation from its value.
+    Raises SettingsError where a number is out of bounds a standard deviation from its value.
     """
     rigs = [
         (with_values(rig, {each.key: each.prior.value(u)}), 1.0)

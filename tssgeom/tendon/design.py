@@ -127,10 +127,7 @@ def price(arcs: Arcs, rig: Rig, curve: Curve, cycle: Cycle) -> Price:
 def perturbed_routes(arcs: Arcs, perturbation: Perturbation, trials: int, seed: int) -> list[Arcs]:
     """Draw routes with bends that come on top of the angle that is there; the length stays.
 
-    Raises
-    ------
-    SettingsError
-        Where the perturbation or the number of trials cannot be used.
+    Raises SettingsError where the perturbation or the number of trials cannot be used.
     """
     for what, value in (("bends", perturbation.bends), ("trials", trials)):
         if value < 1:

@@ -33,10 +33,7 @@ class History:
 def driven(tension_in: Iterable[float], arcs: Arcs, rig: Rig) -> History:
     """Drive a pretensioned tendon through tensions [N], with monotone changes from one to the next.
 
-    Raises
-    ------
-    SettingsError
-        Where a tension is negative or not finite.
+    Raises SettingsError where a tension is negative or not finite.
     """
     state, rows = pretensioned(rig), list[tuple[float, float, float]]()
     for drive in tension_in:

@@ -55,10 +55,7 @@ def state_object(state: TendonState) -> dict[str, Any]:
 def state_of(saved: Mapping[str, Any]) -> TendonState:
     """Return the state that `state_object` wrote.
 
-    Raises
-    ------
-    SettingsError
-        Where the object is of another version, or is none of a state.
+    Raises SettingsError where the object is of another version, or is none of a state.
     """
     if saved.get("version") not in (3, 4, VERSION):
         raise SettingsError(

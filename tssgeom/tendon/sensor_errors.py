@@ -40,10 +40,7 @@ def sensors_err(rig: Rig) -> bool:
 def readings(state: TendonState, rig: Rig) -> dict[str, float]:
     """Return what the sensors read after a step with effects, by the names of `sensors.CHANNELS` [N, m].
 
-    Raises
-    ------
-    SettingsError
-        Where no effect acted in the last step.
+    Raises SettingsError where no effect acted in the last step.
     """
     if isinstance(state.along, Corners) or not state.along.has_effects:
         raise SettingsError("no effect acted in the last step: sensors read what `transmit` returns")

@@ -42,10 +42,7 @@ class BlobAppearance:
 def blob_finder(wanted: BlobAppearance) -> Callable[[np.ndarray], Sightings]:
     """Return what finds blobs in an image.
 
-    Raises
-    ------
-    SettingsError
-        Where the appearance is unknown, or the areas are not a range.
+    Raises SettingsError where the appearance is unknown, or the areas are not a range.
     """
     if not 0 < wanted.least < wanted.most:
         raise SettingsError(

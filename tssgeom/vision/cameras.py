@@ -137,10 +137,7 @@ def pixels_by_slope(camera: Camera, slope: Matrix) -> np.ndarray:
 def refuse_other_size(camera: Camera, image: np.ndarray, source: str) -> None:
     """Refuse an image of another size than the camera was calibrated at.
 
-    Raises
-    ------
-    SettingsError
-        Where the sizes differ.
+    Raises SettingsError where the sizes differ.
     """
     height, width = image.shape[:2]
     if (width, height) != (camera.width, camera.height):

@@ -27,10 +27,7 @@ class Alone:
 def refuse_one_camera(cameras: tuple[Camera, ...], alone: Alone, *, tags: bool) -> None:
     """Refuse one camera where nothing determines the depth.
 
-    Raises
-    ------
-    SettingsError
-        Where one camera has neither a plane nor tags of a known side.
+    Raises SettingsError where one camera has neither a plane nor tags of a known side.
     """
     first, *others = cameras
     if others:

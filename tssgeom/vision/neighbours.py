@@ -79,10 +79,7 @@ def chain_of(candidates: Matches, reach: float) -> np.ndarray:
     Open matches join it where a marker is missing or the chain goes on, if they lie near the expected
     position and conflicting matches do not.
 
-    Raises
-    ------
-    ShapeError
-        Where there are too few, or their order is unclear.
+    Raises ShapeError where there are too few, or their order is unclear.
     """
     certain = unopposed(candidates, reach)
     taken = certain[belonging(candidates.points[certain], reach)]

@@ -48,10 +48,7 @@ def on_plane(camera: Camera, pixels: Matrix, noise: Vector, height: float) -> tu
 def refuse_without_plane(camera: Camera, height: float) -> None:
     """Refuse a plane that the camera itself lies in.
 
-    Raises
-    ------
-    SettingsError
-        Where no pixel determines a position on the plane.
+    Raises SettingsError where no pixel determines a position on the plane.
     """
     if abs(camera.position[2] - height) < 1e-3:
         raise SettingsError(

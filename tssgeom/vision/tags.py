@@ -35,13 +35,7 @@ DICTIONARIES = {
 
 
 def dictionary(name: str) -> cv2.aruco.Dictionary:
-    """Return a family of tags.
-
-    Raises
-    ------
-    SettingsError
-        Where there is no family of that name.
-    """
+    """Return a family of tags; raises SettingsError where there is no family of that name."""
     known = DICTIONARIES.get(name.lower())
     if known is None:
         raise SettingsError(f"no family of tags is called {name!r}: use one of {', '.join(DICTIONARIES)}")
@@ -51,10 +45,7 @@ def dictionary(name: str) -> cv2.aruco.Dictionary:
 def tag_finder(name: str) -> Callable[[np.ndarray], Sightings]:
     """Return what finds the tags of a family in an image.
 
-    Raises
-    ------
-    SettingsError
-        Where there is no family of that name.
+    Raises SettingsError where there is no family of that name.
     """
     family = dictionary(name)
     settings = cv2.aruco.DetectorParameters()

@@ -41,10 +41,7 @@ def order_of_axes(
     The axis of coordinates is the last one, or else the only one of the size 3; that of frames is the first
     of the others, unless the number of `frames` is that of the second one alone.
 
-    Raises
-    ------
-    ShapeError
-        Where it cannot hold points.
+    Raises ShapeError where it cannot hold points.
     """
     axes = [k for k, size in enumerate(shape) if size == 3]
     order = _order(shape, axes[-1], frames) if axes and len(shape) in (2, 3) and 0 not in shape else ()
@@ -77,10 +74,7 @@ def note_of_axes(name: str, order: tuple[int, ...]) -> tuple[str, ...]:
 def require_frames_first(path: Path, name: str, first: np.ndarray, last: np.ndarray) -> None:
     """Refuse an array without times whose first and last row [N, 3] are paths of points, not frames.
 
-    Raises
-    ------
-    ShapeError
-        Where they lie apart by much more than either is long.
+    Raises ShapeError where they lie apart by much more than either is long.
     """
     known = np.isfinite(first).all(axis=1) & np.isfinite(last).all(axis=1)
     if not known.any():

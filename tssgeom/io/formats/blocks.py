@@ -58,12 +58,8 @@ class CsvBlocks:
     def blocks(self, wanted: Sequence[str]) -> Iterator[Table]:
         """Yield the rows in order; only the wanted columns are certain to be filled in.
 
-        Raises
-        ------
-        SourceError
-            Where the file cannot be read.
-        pyarrow.ArrowInvalid
-            Where a line of a clean file is no row of numbers.
+        Raises SourceError where the file cannot be read; pyarrow.ArrowInvalid where a line of a clean file is
+        no row of numbers.
         """
         yield from self._fast(wanted) if self.clean else self._slow()
 
@@ -107,12 +103,7 @@ class ParquetBlocks:
     def blocks(self, wanted: Sequence[str]) -> Iterator[Table]:
         """Yield the rows in order, with the wanted columns filled in.
 
-        Raises
-        ------
-        SourceError
-            Where the file cannot be read.
-        ShapeError
-            Where a column holds no numbers.
+        Raises SourceError where the file cannot be read; ShapeError where a column holds no numbers.
         """
         first = 1
         with parquet_file(self.path, 1 << 20) as file:
@@ -185,10 +176,8 @@ class BlockFrames(Frames):
 def open_large(path: Path, kind: str, source: Blocks) -> Recording:
     """Open a large table; a first pass over it counts the frames and detects faults.
 
-    Raises
-    ------
-    ShapeError
-        Where it is one shape, or its points are numbered and their rows not in the order of time.
+    Raises ShapeError where it is one shape, or its points are numbered and their rows not in the order of
+    time.
     """
     columns = source.columns
     if not columns.timed:

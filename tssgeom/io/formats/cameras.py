@@ -84,12 +84,8 @@ class CalibrationFile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_
 def read_cameras(path: Path) -> tuple[Camera, ...]:
     """Read the cameras of a calibration file.
 
-    Raises
-    ------
-    SettingsError
-        Where the file holds an unknown key, a value out of bounds, or no camera.
-    SourceError
-        Where it cannot be read.
+    Raises SettingsError where the file holds an unknown key, a value out of bounds, or no camera; SourceError
+    where it cannot be read.
     """
     content = bytes_of(path, SETTINGS_BYTES, "check --calibration")
     try:
@@ -117,10 +113,7 @@ def _camera(one: CameraFile) -> Camera:
 def write_calibration(path: Path, calibration: Calibration) -> None:
     """Write a calibration, which `read_cameras` reads back; TOML, or JSON where the ending is that.
 
-    Raises
-    ------
-    SourceError
-        Where the disk refuses.
+    Raises SourceError where the disk refuses.
     """
     held = CalibrationFile(
         camera=[_written(calibration, v) for v in range(len(calibration.cameras))],

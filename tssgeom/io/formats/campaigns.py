@@ -151,13 +151,7 @@ def _runs(
 
 
 def read_plan(listing: Path) -> Plan:
-    """Read `campaign.toml`.
-
-    Raises
-    ------
-    SettingsError, SourceError
-        Where it cannot be used.
-    """
+    """Read `campaign.toml`; raises SettingsError or SourceError where it cannot be used."""
     if not listing.parent.is_dir():
         raise SourceError(f"{listing.parent}: no such folder: name the folder of a campaign")
     hint = f"a campaign is a folder with {CAMPAIGN} (docs/formats.md, Campaign)"
@@ -288,10 +282,7 @@ def _run(path: Path, name: str, route: Route, said: ColumnMap, notes: list[str],
 def read_columns(path: Path, name: str, said: ColumnMap, notes: list[str]) -> dict[str, Vector]:
     """Return the columns of a run that a campaign lists, in SI; how it was read is added to the notes.
 
-    Raises
-    ------
-    SettingsError, SourceError
-        Where the file is missing or cannot be used.
+    Raises SettingsError or SourceError where the file is missing or cannot be used.
     """
     if not os.path.isfile(split(path)[0]):
         raise SourceError(f"{path}: no such file: mend data in {CAMPAIGN}")

@@ -61,12 +61,8 @@ class CoilFrames(Frames):
 def open_colonoscope(path: Path, unit: str | None) -> Recording:
     """Open a folder of coil coordinates.
 
-    Raises
-    ------
-    ShapeError
-        Where no unit is given, since the files state none, or where there is no line.
-    SourceError
-        Where a file is missing or cannot be read.
+    Raises ShapeError where no unit is given, since the files state none, or where there is no line;
+    SourceError where a file is missing or cannot be read.
     """
     missing = [name for name in FILES if not (path / name).is_file()]
     if missing:

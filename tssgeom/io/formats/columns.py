@@ -111,11 +111,8 @@ def columns_of(
 ) -> Columns:
     """Recognise the columns of a table; `others` are names in its file that no station has.
 
-    Raises
-    ------
-    ShapeError
-        Where a coordinate is missing or there twice, where units are missing or mixed, where two columns
-        hold the same measurement, or where a name cannot be read.
+    Raises ShapeError where a coordinate is missing or there twice, where units are missing or mixed, where
+    two columns hold the same measurement, or where a name cannot be read.
     """
     unprintable = [name for name in names if not name.isprintable()]
     if unprintable:
@@ -233,10 +230,7 @@ def _with_unit(names: Sequence[str], unit: str) -> str:
 def of_machine(measured: Mapping[str, float]) -> dict[str, float] | None:
     """Return what columns say of a machine, by channel in SI; None where they say nothing.
 
-    Raises
-    ------
-    ShapeError
-        Where a channel is there in two units.
+    Raises ShapeError where a channel is there in two units.
     """
     given = dict[str, float]()
     for name in measured.keys() & OF_MACHINE.keys():

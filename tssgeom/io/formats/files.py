@@ -141,10 +141,7 @@ def find_inputs(
     and in the order of names. Hidden files and folders, campaigns, folders of results and those in `besides`
     are left out.
 
-    Raises
-    ------
-    SourceError
-        Where a folder holds no shape file.
+    Raises SourceError where a folder holds no shape file.
     """
     left_out = {path.resolve() for path in besides}
     inputs: dict[Path, Path] = {}

@@ -32,11 +32,8 @@ NO_OTHERS = OtherKeys(None, ())
 def other_keys(text: bytes, known: Collection[str]) -> OtherKeys:
     """Return what a line has beside the keys that are `known`.
 
-    Raises
-    ------
-    ShapeError
-        Where a key that is not read may be a drive, and nothing else drives the tendon; where a reading of a
-        machine is no number.
+    Raises ShapeError where a key that is not read may be a drive, and nothing else drives the tendon; where a
+    reading of a machine is no number.
     """
     held = _keys_decoder.decode(text)
     given = {name: _number(name, held[name]) for name in held.keys() & OF_MACHINE.keys()}

@@ -238,12 +238,8 @@ class JsonFrames(Frames):
 def open_jsonl(path: Path, unit: str | None) -> Recording:
     """Open a file of JSON lines; a first pass reads its unit, its length and whether it has a clock.
 
-    Raises
-    ------
-    ShapeError
-        Where no line is a frame, or where the unit is missing or mixed.
-    SourceError
-        Where the file cannot be read.
+    Raises ShapeError where no line is a frame, or where the unit is missing or mixed; SourceError where the
+    file cannot be read.
     """
     survey = _survey(path)
     agreed = agreed_unit(path, survey.unit, unit, _STATE_UNIT)

@@ -37,12 +37,8 @@ _FORCES = ("tension_in_N", "tension_out_N", "elongation_m")
 def is_machine_campaign(folder: Path, columns: ColumnMap = NO_MAP) -> bool:
     """Whether a campaign is of a machine: by its rig, a missing shape, or runs of displacement alone.
 
-    Raises
-    ------
-    SettingsError
-        Where `campaign.toml` or the rig cannot be used.
-    ShapeError, SourceError
-        Where a file is missing or cannot be used.
+    Raises SettingsError where `campaign.toml` or the rig cannot be used; ShapeError or SourceError where a
+    file is missing or cannot be used.
     """
     listing = listing_of(folder)
     plan = read_plan(listing)
@@ -95,10 +91,7 @@ def with_machine_runs(
 
     What is held out of several runs stays, beside what the new ones mark.
 
-    Raises
-    ------
-    SettingsError, ShapeError, SourceError
-        As `read_campaign`.
+    Raises SettingsError, ShapeError or SourceError as `read_campaign`.
     """
     listing, notes = listing_of(folder), list[str]()
     plan, rig = read_plan(listing), campaign.rig

@@ -108,14 +108,8 @@ class ToolFrames(Frames):
 def open_ndi(path: Path, unit: str | None, said: ColumnMap = NO_MAP) -> Recording:
     """Open a table of tracked tools.
 
-    Raises
-    ------
-    SettingsError
-        Where `--map` names one of its columns.
-    ShapeError
-        Where there is no pose in the header or no row, or where another unit is given.
-    SourceError
-        Where the file cannot be read.
+    Raises SettingsError where `--map` names one of its columns; ShapeError where there is no pose in the
+    header or no row, or where another unit is given; SourceError where the file cannot be read.
     """
     agreed = agreed_unit(path, "mm", unit, "")
     layout = _layout(_head(path))

@@ -92,10 +92,7 @@ class Stored:
 def rows_of(path: Path, array: Stored) -> Iterator[np.ndarray]:
     """Yield an array along its first axis, as float64.
 
-    Raises
-    ------
-    SourceError
-        Where the archive ends early or is corrupt.
+    Raises SourceError where the archive ends early or is corrupt.
     """
     if array.columns_first or array.order:
         require_room(path, 2 * array.size)
@@ -145,12 +142,8 @@ def _begin_of(file: IO[bytes], member: zipfile.ZipInfo) -> int:
 def open_npz(path: Path, unit: str | None) -> Recording:
     """Open a NumPy archive; nothing in it is ever unpickled.
 
-    Raises
-    ------
-    ShapeError
-        Where arrays are missing, have the wrong size or hold no numbers, or where the unit is missing.
-    SourceError
-        Where the file cannot be read.
+    Raises ShapeError where arrays are missing, have the wrong size or hold no numbers, or where the unit is
+    missing; SourceError where the file cannot be read.
     """
     stored = {name: array for name in _LARGE if (array := _stored(path, name)) is not None}
     arrays, names = _arrays(path)
@@ -188,10 +181,7 @@ def _can_be_points(shape: tuple[int, ...]) -> bool:
 def _only_points(path: Path, names: Collection[str]) -> Stored:
     """Return the one array that can be points, whatever its name.
 
-    Raises
-    ------
-    ShapeError
-        Where there is none, or several.
+    Raises ShapeError where there is none, or several.
     """
     every = (_stored(path, name) for name in names if name not in _SMALL)
     able = [array for array in every if array and _can_be_points(array.shape)]

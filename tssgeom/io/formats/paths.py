@@ -41,10 +41,7 @@ _NOT_IN_NAMES = re.compile(r"[^\w.-]+")
 def reading(path: Path, hint: str = "check the path") -> Iterator[None]:
     """Turn a refusal of the system to read `path` into an error with a hint; a pipe or device is one at once.
 
-    Raises
-    ------
-    SourceError
-        Where the file cannot be read.
+    Raises SourceError where the file cannot be read.
     """
     require_file(path)
     try:
@@ -81,10 +78,7 @@ def bytes_of(path: Path, most: int | None = None, hint: str = "check the path") 
 def require_lines(path: Path, raw: bytes) -> bytes:
     """Return the content of a table in text, of which no line is longer than LONGEST_LINE.
 
-    Raises
-    ------
-    ShapeError
-        Where one is.
+    Raises ShapeError where one is.
     """
     begin = 0
     while len(raw) - begin > LONGEST_LINE:
@@ -113,10 +107,7 @@ class Stamp(NamedTuple):
 def stamp_of(path: Path) -> Stamp:
     """Return the stamp of a file, by which what was read of it may be kept.
 
-    Raises
-    ------
-    SourceError
-        Where there is no such file.
+    Raises SourceError where there is no such file.
     """
     with reading(path):
         status = path.stat()
@@ -128,10 +119,7 @@ def kept_while_unchanged(
 ) -> Callable[Concatenate[Path, Given], Content]:
     """Keep what was read of the last file until that is written anew: each part of it is an input of its own.
 
-    Raises
-    ------
-    SourceError
-        Where there is no such file.
+    Raises SourceError where there is no such file.
     """
 
     @lru_cache(maxsize=1)
@@ -148,10 +136,7 @@ def kept_while_unchanged(
 def room() -> int:
     """Return how much of a file may be in memory at once [B]; the environment variable `MOST_MIB` sets it.
 
-    Raises
-    ------
-    SettingsError
-        Where the variable is no whole number above 0.
+    Raises SettingsError where the variable is no whole number above 0.
     """
     text = os.environ.get(MOST_MIB, _MOST_MIB)
     if not (text.isdecimal() and text.isascii() and len(text) < _MOST_DIGITS and int(text)):
@@ -191,10 +176,7 @@ def _mib(size: float) -> str:
 def require_room_in_zip(path: Path) -> None:
     """Refuse a ZIP archive whose members declare more than `room`; a file that is none is left to its reader.
 
-    Raises
-    ------
-    SourceError
-        Where it is too large, or cannot be read.
+    Raises SourceError where it is too large, or cannot be read.
     """
     with reading(path), suppress(zipfile.BadZipFile), zipfile.ZipFile(path) as archive:
         require_room(path, sum(member.file_size for member in archive.infolist()))
@@ -240,10 +222,7 @@ def stem(path: Path) -> str:
 def selected(path: Path, names: Sequence[str]) -> int:
     """Return the index of the part that a path names; without one, that of the only part there is.
 
-    Raises
-    ------
-    ShapeError
-        Where there is no such part, or where there are several and none is named.
+    Raises ShapeError where there is no such part, or where there are several and none is named.
     """
     file, part = split(path)
     if part is None and len(names) == 1:

@@ -48,12 +48,8 @@ _MOST_FILLS = 4
 def open_table(path: Path, unit: str | None, columns: ColumnMap = NO_MAP) -> Recording:
     """Open a table of points; one that is no plain table is read as laboratories write them.
 
-    Raises
-    ------
-    ShapeError
-        Where columns are missing or unclear, or where there is no row.
-    SourceError
-        Where the file cannot be read.
+    Raises ShapeError where columns are missing or unclear, or where there is no row; SourceError where the
+    file cannot be read.
     """
     kind = ending(path)
     if split(path)[1] is None and kind in _PLAIN:

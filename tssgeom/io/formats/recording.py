@@ -152,10 +152,7 @@ def agreed_unit(path: Path, stated: str | None, given: str | None, hint: str) ->
 def given_unit(path: Path, given: str | None, what: str) -> str:
     """Return the unit that the user states; `what`, such as "a ROS bag", is a format that cannot state one.
 
-    Raises
-    ------
-    ShapeError
-        Where the user states none, or one that is neither m nor mm.
+    Raises ShapeError where the user states none, or one that is neither m nor mm.
     """
     if given is None:
         raise ShapeError(f"{path}: {what} states no unit of length: give --unit mm|m")

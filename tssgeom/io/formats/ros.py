@@ -77,12 +77,8 @@ class PoseFrames(Frames):
 def open_bag(path: Path, unit: str | None) -> Recording:
     """Open one topic of a bag: of a folder with `metadata.yaml`, or of an .mcap or .db3 file by itself.
 
-    Raises
-    ------
-    ShapeError
-        Where no unit is given, where there is no topic with poses, or several and none is named.
-    SourceError
-        Where the bag cannot be read, or the extra is not installed.
+    Raises ShapeError where no unit is given, where there is no topic with poses, or several and none is
+    named; SourceError where the bag cannot be read, or the extra is not installed.
     """
     bag, topic = split(path)
     agreed = given_unit(path, unit, "a ROS bag")

@@ -64,10 +64,7 @@ _decoder = msgspec.json.Decoder(_File)
 def markup_names(file: Path) -> list[str]:
     """Return a name for each route in a file: its own where it has one and no other has it, else its number.
 
-    Raises
-    ------
-    ShapeError, SourceError
-        Where the file holds no route or cannot be read.
+    Raises ShapeError or SourceError where the file holds no route or cannot be read.
     """
     return _routes(file)[1]
 
@@ -75,13 +72,8 @@ def markup_names(file: Path) -> list[str]:
 def open_markups(path: Path, unit: str | None) -> Recording:
     """Open one markup of a file.
 
-    Raises
-    ------
-    ShapeError
-        Where there is no curve and no point list, where there are several and none is named, or where the
-        coordinate system or unit is unknown.
-    SourceError
-        Where the file cannot be read.
+    Raises ShapeError where there is no curve and no point list, where there are several and none is named, or
+    where the coordinate system or unit is unknown; SourceError where the file cannot be read.
     """
     file, _ = split(path)
     routes, names = _routes(file)
@@ -143,12 +135,8 @@ def _positions(markup: _Markup) -> Points:
 def open_fcsv(path: Path, unit: str | None) -> Recording:
     """Open an older point list, `.fcsv`: a row for each control point, in mm.
 
-    Raises
-    ------
-    ShapeError
-        Where a row holds no numbers, where there is none, or where the coordinate system is unknown.
-    SourceError
-        Where the file cannot be read.
+    Raises ShapeError where a row holds no numbers, where there is none, or where the coordinate system is
+    unknown; SourceError where the file cannot be read.
     """
     agreed = agreed_unit(path, "mm", unit, "")
     # A row of Slicer 5 may hold a carriage return in its middle, so that lines end at "\n" alone.

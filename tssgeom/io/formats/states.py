@@ -44,10 +44,7 @@ def write_state(
 ) -> None:
     """Write a state as JSON, and the filter of its rig where that is followed.
 
-    Raises
-    ------
-    SourceError
-        Where the disk refuses.
+    Raises SourceError where the disk refuses.
     """
     saved = machine_object(state) if isinstance(state, CarriedMachine) else state_object(state)
     if followed is not None:
@@ -60,12 +57,8 @@ def write_state(
 def read_state(path: Path) -> Carried:
     """Read the state that `write_state` wrote, of a tendon or a machine, to the last bit.
 
-    Raises
-    ------
-    SourceError
-        Where the file cannot be read.
-    SettingsError
-        Where it holds no state, or one of another version.
+    Raises SourceError where the file cannot be read; SettingsError where it holds no state, or one of another
+    version.
     """
     saved = _object(path)
     try:
@@ -77,10 +70,7 @@ def read_state(path: Path) -> Carried:
 def origin_remark(path: Path, rig: Rig) -> str:
     """Return what a user has to know where a state has another origin; empty where it has none or the same.
 
-    Raises
-    ------
-    SourceError, SettingsError
-        Where the file cannot be read.
+    Raises SourceError or SettingsError where the file cannot be read.
     """
     saved, now = _object(path).get(_ORIGIN), origin_of(rig)
     if not isinstance(saved, dict):
@@ -98,12 +88,8 @@ def origin_remark(path: Path, rig: Rig) -> str:
 def read_filter(path: Path, rig: Rig) -> SavedFilter | None:
     """Read the filter of a rig that `write_state` wrote, to the last bit; None where there is none.
 
-    Raises
-    ------
-    SourceError
-        Where the file cannot be read.
-    SettingsError
-        Where it is broken, of another version, or follows other numbers than the rig names.
+    Raises SourceError where the file cannot be read; SettingsError where it is broken, of another version, or
+    follows other numbers than the rig names.
     """
     saved = _object(path).get("followed")
     if saved is None:

@@ -54,10 +54,7 @@ def read_csv(path: Path, raw: bytes, names: list[str], given_unit: str | None) -
     A small table of numbers alone is read by numpy, a larger one without faults by pyarrow, and any other
     line by line, so that each fault has its line.
 
-    Raises
-    ------
-    ShapeError
-        Where columns are missing or unclear, or where there is no row.
+    Raises ShapeError where columns are missing or unclear, or where there is no row.
     """
     columns = columns_of(path, names, given_unit)
     if b"\n\n" not in raw.rstrip() and b"\n\r\n" not in raw.rstrip():
@@ -70,12 +67,8 @@ def read_csv(path: Path, raw: bytes, names: list[str], given_unit: str | None) -
 def read_parquet(path: Path, given_unit: str | None) -> Table:
     """Read a Parquet file of the same columns.
 
-    Raises
-    ------
-    ShapeError
-        Where columns are missing or unclear or hold no numbers, or where there is no row.
-    SourceError
-        Where the file cannot be read.
+    Raises ShapeError where columns are missing or unclear or hold no numbers, or where there is no row;
+    SourceError where the file cannot be read.
     """
     with parquet_file(path) as file:
         columns = columns_of(path, file.schema_arrow.names, given_unit)
@@ -84,13 +77,7 @@ def read_parquet(path: Path, given_unit: str | None) -> Table:
 
 
 def parquet_names(path: Path) -> list[str]:
-    """Return the names of the columns of a Parquet file.
-
-    Raises
-    ------
-    SourceError
-        Where the file cannot be read.
-    """
+    """Return the names of the columns of a Parquet file; raises SourceError where the file cannot be read."""
     with parquet_file(path) as file:
         return file.schema_arrow.names
 
@@ -99,10 +86,7 @@ def parquet_names(path: Path) -> list[str]:
 def parquet_file(path: Path, buffer: int = 0) -> Iterator[papq.ParquetFile]:
     """Open a Parquet file for a `with` block, and read it through a buffer of so many bytes.
 
-    Raises
-    ------
-    SourceError
-        Where the file cannot be read.
+    Raises SourceError where the file cannot be read.
     """
     import pyarrow as pa
     import pyarrow.parquet as papq
@@ -117,13 +101,7 @@ def parquet_file(path: Path, buffer: int = 0) -> Iterator[papq.ParquetFile]:
 
 
 def parquet_columns(path: Path, file: papq.ParquetFile, names: Sequence[str]) -> pa.Table:
-    """Read columns at once.
-
-    Raises
-    ------
-    SourceError
-        Where they take more memory than a file may.
-    """
+    """Read columns at once; raises SourceError where they take more memory than a file may."""
     require_room(path, parquet_size(file, names))
     return file.read(columns=list(names))
 
@@ -139,10 +117,7 @@ _Columns = TypeVar("_Columns", "pa.Table", "pa.RecordBatch")
 def as_numbers(path: Path, table: _Columns) -> _Columns:
     """Return columns of any kind of number as float64.
 
-    Raises
-    ------
-    ShapeError
-        Where a column holds something else.
+    Raises ShapeError where a column holds something else.
     """
     import pyarrow as pa
 
@@ -180,13 +155,7 @@ def _small(path: Path, raw: bytes, names: list[str], columns: Columns) -> Table 
 
 
 def _fast(path: Path, raw: bytes, names: list[str], columns: Columns) -> Table | None:
-    """Read the rows; None where a cell holds no number.
-
-    Raises
-    ------
-    ShapeError
-        Where there is no row.
-    """
+    """Read the rows; None where a cell holds no number; raises ShapeError where there is no row."""
     import pyarrow as pa
     import pyarrow.csv as pacsv
 

@@ -52,10 +52,7 @@ _DECOMPRESSORS: dict[str, Callable[[], Any]] = {
 def line_names(file: Path) -> list[str]:
     """Return the numbers of the poly lines in a file, from "1".
 
-    Raises
-    ------
-    ShapeError, SourceError
-        Where the file holds no poly line or cannot be read.
+    Raises ShapeError or SourceError where the file holds no poly line or cannot be read.
     """
     return _numbers(len(_read(file)[0]))
 
@@ -68,12 +65,8 @@ def _numbers(count: int) -> list[str]:
 def open_vtp(path: Path, unit: str | None) -> Recording:
     """Open one poly line of a file.
 
-    Raises
-    ------
-    ShapeError
-        Where there is no poly line, where there are several and none is named, or where no unit is stated.
-    SourceError
-        Where the file cannot be read.
+    Raises ShapeError where there is no poly line, where there are several and none is named, or where no unit
+    is stated; SourceError where the file cannot be read.
     """
     lines, stated, source = _read(split(path)[0])
     agreed = agreed_unit(path, stated, unit, f"add a field array {UNIT!r} that states mm or m")
@@ -189,10 +182,7 @@ class _XmlFile:
     def numbers(self, array: Element) -> NDArray[Any]:
         """Return the numbers of a DataArray, flat.
 
-        Raises
-        ------
-        ValueError
-            Where it is broken, or written in an unknown way.
+        Raises ValueError where it is broken, or written in an unknown way.
         """
         kind = _kind(array, self.order)
         form = array.get("format")
@@ -240,13 +230,7 @@ class _XmlFile:
 
 
 def _parsed(path: Path, content: bytes) -> _XmlFile:
-    """Parse a file.
-
-    Raises
-    ------
-    ValueError
-        Where it is no XML of VTK, or written in an unknown way.
-    """
+    """Parse a file; raises ValueError where it is no XML of VTK, or written in an unknown way."""
     match = _APPENDED.search(content)
     end = content.rfind(_AFTER)
     text, appended = content, b""

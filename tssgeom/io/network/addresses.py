@@ -40,10 +40,7 @@ class Endpoint:
     def speed(self) -> float:
         """Speed of a replay over that of the recording [1].
 
-        Raises
-        ------
-        SettingsError
-            Where it is no number above 0.
+        Raises SettingsError where it is no number above 0.
         """
         text = self.options.get("speed", "1")
         try:
@@ -65,13 +62,7 @@ class Endpoint:
 
 
 def source_of(text: str) -> Endpoint:
-    """Read the address of a source.
-
-    Raises
-    ------
-    SettingsError
-        Where the text is no such address.
-    """
+    """Read the address of a source; raises SettingsError where the text is no such address."""
     if text == "-":
         return Endpoint("-", text)
     if text.startswith("replay:"):
@@ -80,13 +71,7 @@ def source_of(text: str) -> Endpoint:
 
 
 def each_once(given: Sequence[str], option: str) -> Sequence[str]:
-    """Refuse a value that is given twice to an option.
-
-    Raises
-    ------
-    SettingsError
-        Where there is one.
-    """
+    """Refuse a value that is given twice to an option; raises SettingsError where there is one."""
     twice = [one for one in given if given.count(one) > 1]
     if twice:
         raise SettingsError(f"{option} {twice[0]} is given twice: give it once")
@@ -94,13 +79,7 @@ def each_once(given: Sequence[str], option: str) -> Sequence[str]:
 
 
 def sink_of(text: str) -> Endpoint:
-    """Read the address of a sink.
-
-    Raises
-    ------
-    SettingsError
-        Where the text is no such address.
-    """
+    """Read the address of a sink; raises SettingsError where the text is no such address."""
     if text in ("-", "none"):
         return Endpoint(text, text)
     sink = _socket(text, SINKS, "sink", {})
@@ -149,10 +128,7 @@ class Access:
 def access(*, allow_remote: bool, token_file: Path | None) -> Access:
     """Read the permission to connect.
 
-    Raises
-    ------
-    SettingsError
-        Where remote access has no token, or the token is too short or cannot be read.
+    Raises SettingsError where remote access has no token, or the token is too short or cannot be read.
     """
     if token_file is None:
         if allow_remote:
@@ -186,10 +162,7 @@ def _token_in(path: Path) -> bytes:
 def resolved(endpoint: Endpoint, allowed: Access, kind: int) -> tuple[int, tuple]:
     """Return family and address of a socket.
 
-    Raises
-    ------
-    SettingsError
-        Where the host is unknown, or is not this machine and remote access is not allowed.
+    Raises SettingsError where the host is unknown, or is not this machine and remote access is not allowed.
     """
     try:
         family, _, _, _, address = socket.getaddrinfo(endpoint.host, endpoint.port, type=kind)[0]

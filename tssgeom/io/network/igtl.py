@@ -63,13 +63,7 @@ class Message:
 
 
 def header_of(data: bytes | bytearray) -> Header:
-    """Read a header.
-
-    Raises
-    ------
-    ShapeError
-        Where it is none, or announces a body that is too large.
-    """
+    """Read a header; raises ShapeError where it is none, or announces a body that is too large."""
     if len(data) < HEADER:
         raise ShapeError(f"no OpenIGTLink header in {len(data)} bytes: check what listens on this port")
     version, kind_text, device_text, seconds, fraction, size, checksum = _FIELDS.unpack_from(data)
@@ -89,10 +83,7 @@ def header_of(data: bytes | bytearray) -> Header:
 def message_of(header: Header, body: bytes) -> Message | None:
     """Read the body of a message; None where its kind holds no shape.
 
-    Raises
-    ------
-    ShapeError
-        Where checksum, length or content are wrong.
+    Raises ShapeError where checksum, length or content are wrong.
     """
     if header.kind not in _KINDS:
         return None

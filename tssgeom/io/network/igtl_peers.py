@@ -77,10 +77,8 @@ class Rounds:
     def shape(self, message: Message) -> tuple[Message, Points] | None:
         """Add one position; return a shape if one is complete [n, 3], and the last message in it.
 
-        Raises
-        ------
-        ShapeError
-            Where more sensors than points of a frame have sent since one sent again; they begin anew.
+        Raises ShapeError where more sensors than points of a frame have sent since one sent again; they begin
+        anew.
         """
         whole, device = None, message.header.device
         if not self.learning and device not in self.names:

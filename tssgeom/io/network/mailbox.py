@@ -43,10 +43,7 @@ class Lines:
     def split(self, data: bytes, most: int | None = None) -> tuple[list[bytes], int]:
         """Add bytes; return the last `most` complete lines, and the number of those before.
 
-        Raises
-        ------
-        ShapeError
-            Where a line is too long; the rest of it is ignored.
+        Raises ShapeError where a line is too long; the rest of it is ignored.
         """
         end = data.rfind(b"\n")
         if end < 0:

@@ -35,12 +35,6 @@ def write_csv(table: Path, path: Path) -> None:
 
 
 def write_channels(path: Path, channels: Mapping[str, Vector]) -> None:
-    """Write channels against time, a column each [s].
-
-    Raises
-    ------
-    SourceError
-        Where the disk refuses.
-    """
+    """Write channels against time, a column each [s]; raises SourceError where the disk refuses."""
     schema = pa.schema([field(name, plain_name(name)) for name in channels])
     write_table(path, pa.table(dict(channels), schema=schema))

@@ -108,10 +108,7 @@ def tension_line(
 def write_table(path: Path, line: TensionLine, tube: trimesh.Trimesh) -> None:
     """Write a row for each node: arc length, position, then the other numbers, each with its unit.
 
-    Raises
-    ------
-    SourceError
-        Where the disk refuses.
+    Raises SourceError where the disk refuses.
     """
     per_metre = PER_METRE[line.unit]
     names = [f"{name}_{line.unit}" for name in ("s", "x", "y", "z")]
@@ -121,13 +118,7 @@ def write_table(path: Path, line: TensionLine, tube: trimesh.Trimesh) -> None:
 
 
 def write_ply(path: Path, line: TensionLine, tube: trimesh.Trimesh) -> None:
-    """Write the tube with its colours and numbers.
-
-    Raises
-    ------
-    SourceError
-        Where the disk refuses.
-    """
+    """Write the tube with its colours and numbers; raises SourceError where the disk refuses."""
     with replacing(path) as draft:
         tube.copy().apply_scale(PER_METRE[line.unit]).export(draft)
 
@@ -135,10 +126,7 @@ def write_ply(path: Path, line: TensionLine, tube: trimesh.Trimesh) -> None:
 def write_curve(path: Path, line: TensionLine, tube: trimesh.Trimesh) -> None:
     """Write the route as one open curve, in mm and LPS, by schema 1.0.3.
 
-    Raises
-    ------
-    SourceError
-        Where the disk refuses.
+    Raises SourceError where the disk refuses.
     """
     count = len(line.s)
     kept = np.unique(np.linspace(0, count - 1, min(count, _MOST_POINTS)).round().astype(int))
@@ -197,10 +185,7 @@ def write_vtp(path: Path, line: TensionLine, tube: trimesh.Trimesh) -> None:
 
     Tension is the active scalar. A field array states the unit of length, which the reader needs.
 
-    Raises
-    ------
-    SourceError
-        Where the disk refuses, or VTK is not installed.
+    Raises SourceError where the disk refuses, or VTK is not installed.
     """
     if lacking := missing_libraries(("vtp",)):
         raise SourceError(f"{path}: {lacking['vtp']}")
@@ -251,10 +236,7 @@ WRITERS: dict[str, Writer] = {
 def selected_endings(text: str) -> tuple[str, ...]:
     """Return the endings in a list such as "vtp,csv".
 
-    Raises
-    ------
-    SettingsError
-        Where one of them has no writer.
+    Raises SettingsError where one of them has no writer.
     """
     endings = tuple(word.strip().lstrip(".") for word in text.split(",") if word.strip())
     for ending in endings:

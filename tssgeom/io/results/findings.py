@@ -43,10 +43,7 @@ REPORT, RIG = "report.json", "rig.updated.toml"
 def write_report(folder: Path, finding: Finding, version: str) -> Path:
     """Write `report.json`, whole or not at all, and return its path.
 
-    Raises
-    ------
-    SourceError
-        Where the disk refuses.
+    Raises SourceError where the disk refuses.
     """
     text = json.dumps(report_object(finding, version), indent=1, ensure_ascii=False, allow_nan=False)
     write_text(folder / REPORT, text + "\n")
@@ -56,10 +53,7 @@ def write_report(folder: Path, finding: Finding, version: str) -> Path:
 def write_updated_rig(folder: Path, finding: Finding, version: str) -> Path:
     """Write the updated rig, its provenance as comments; return its path.
 
-    Raises
-    ------
-    SourceError
-        Where the disk refuses.
+    Raises SourceError where the disk refuses.
     """
     write_rig(folder / RIG, finding.rig, _provenance(finding, version))
     return folder / RIG

@@ -74,10 +74,7 @@ def followed_table(run: FollowedRun) -> pa.Table:
 def write_numbers(path: Path, run: FollowedRun) -> None:
     """Write `adapt_numbers.parquet`: each followed number at some thousand times of the run; see `NUMBERS`.
 
-    Raises
-    ------
-    SourceError
-        Where the disk refuses.
+    Raises SourceError where the disk refuses.
     """
     fields = [field("time_s", "time of the run")]
     columns = [np.concatenate([one.numbers.time for one in run.stretches])]
@@ -98,10 +95,7 @@ def write_numbers(path: Path, run: FollowedRun) -> None:
 def write_alerts(path: Path, run: FollowedRun) -> None:
     """Write `adapt_alerts.parquet`: a row for each disagreement; see `ALERTS`.
 
-    Raises
-    ------
-    SourceError
-        Where the disk refuses.
+    Raises SourceError where the disk refuses.
     """
     rows = [[None if value == "" else value for value in one] for one in run.alerts]
     write_table(path, _table(ALERTS, [[row[i] for row in rows] for i in range(len(ALERTS))]))

@@ -21,10 +21,7 @@ FOLDER = "proposed"
 def write_proposal(folder: Path, proposal: Proposal, version: str) -> None:
     """Write `proposal.toml` and the drive file of each run, `run_1.csv` and so on.
 
-    Raises
-    ------
-    SourceError
-        Where the disk refuses.
+    Raises SourceError where the disk refuses.
     """
     for run in proposal.runs:
         write_text(folder / f"{run.name}.csv", _drive_file(run))

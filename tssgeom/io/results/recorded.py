@@ -25,10 +25,7 @@ Writer = Callable[[Path, Sequence[Frame], Sequence[np.ndarray]], None]
 def recording_writer(path: Path) -> Writer:
     """Return the function that writes a recording to a file with this ending.
 
-    Raises
-    ------
-    SourceError
-        Where no writer has this ending, or the path is no regular file.
+    Raises SourceError where no writer has this ending, or the path is no regular file.
     """
     writer = {".jsonl": _write_lines, ".ndjson": _write_lines, ".npz": _write_arrays}.get(path.suffix.lower())
     if writer is None:

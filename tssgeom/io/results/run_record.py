@@ -116,13 +116,7 @@ class RunFile(RunRecord, frozen=True, kw_only=True):
 
 
 def write_run(folder: Folder, record: RunRecord) -> None:
-    """Write `run.json`.
-
-    Raises
-    ------
-    SourceError
-        Where the disk refuses.
-    """
+    """Write `run.json`; raises SourceError where the disk refuses."""
     frames, refused = (sum(getattr(each, key) for each in record.inputs) for key in ("frames", "rejected"))
     counts = Counts(len(record.inputs), len(record.rejected), frames, refused)
     content = RunFile(**msgspec.structs.asdict(record), counts=counts)
@@ -134,10 +128,7 @@ def write_run(folder: Folder, record: RunRecord) -> None:
 def remove_earlier_run(folder: Folder) -> None:
     """Remove the files that `run.json` of an earlier run lists, and `run.json` itself; nothing else.
 
-    Raises
-    ------
-    SourceError
-        Where there is a `run.json` that is no record of a run, or the disk refuses.
+    Raises SourceError where there is a `run.json` that is no record of a run, or the disk refuses.
     """
     record = earlier_run(folder)
     if record is not None:
@@ -147,10 +138,7 @@ def remove_earlier_run(folder: Folder) -> None:
 def earlier_run(folder: Folder) -> RunRecord | None:
     """Return the record in a folder; None where there is no `run.json`.
 
-    Raises
-    ------
-    SourceError
-        Where `run.json` is no record of a run.
+    Raises SourceError where `run.json` is no record of a run.
     """
     text = folder.read(RESULTS_MARK)
     if text is None:
@@ -168,10 +156,7 @@ def sha256_of(path: Path) -> str:
 
     Of a folder, it is that of a list of its files, each with its own SHA-256, in the order of names.
 
-    Raises
-    ------
-    SourceError
-        Where the file cannot be read.
+    Raises SourceError where the file cannot be read.
     """
     file, _ = split(path)
     try:
@@ -258,13 +243,7 @@ def damaged(folder: Folder, sha256: Mapping[str, str]) -> list[str]:
 
 
 def note(folder: Folder, name: str, done: Done) -> None:
-    """Note an input whose files are all written.
-
-    Raises
-    ------
-    SourceError
-        Where the disk refuses.
-    """
+    """Note an input whose files are all written; raises SourceError where the disk refuses."""
     with folder.replacing(f"{_NOTES}/{name}.json") as draft:
         draft.write_bytes(msgspec.json.encode(done))
 
@@ -272,10 +251,7 @@ def note(folder: Folder, name: str, done: Done) -> None:
 def begin(folder: Folder, name: str, files: Sequence[str]) -> None:
     """Remove what an earlier batch wrote of an input, and note the files that are about to be written.
 
-    Raises
-    ------
-    SourceError
-        Where the disk refuses.
+    Raises SourceError where the disk refuses.
     """
     forget(folder, name)
     with folder.replacing(f"{_NOTES}/{name}.json") as draft:
@@ -300,10 +276,7 @@ def forget_all(folder: Folder, but: Collection[str] = ()) -> None:
 def locked(folder: Folder) -> Iterator[None]:
     """Lock a folder against other runs; the end of a process frees it. A folder elsewhere has no lock.
 
-    Raises
-    ------
-    SourceError
-        Where another run writes there, or where the folder cannot be made.
+    Raises SourceError where another run writes there, or where the folder cannot be made.
     """
     if folder.here is None:
         yield

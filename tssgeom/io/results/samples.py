@@ -66,10 +66,7 @@ def write_samples(
 ) -> list[Path]:
     """Write every sample, the lumen mesh and a README with the truth of each; return the written files.
 
-    Raises
-    ------
-    SourceError
-        Where the disk refuses.
+    Raises SourceError where the disk refuses.
     """
     written = [_write_sample(folder, sample) for sample in samples]
     mesh = folder / f"{lumen.name}.ply"

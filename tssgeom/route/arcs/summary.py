@@ -67,10 +67,7 @@ def identifiable(
 ) -> tuple[Chain, ChainPieces]:
     """Drop pieces whose bend the points do not determine; returns also those that remain.
 
-    Raises
-    ------
-    FitError
-        Where nothing is left of a budget, and of the pieces there are such still.
+    Raises FitError where nothing is left of a budget, and of the pieces there are such still.
     """
     pieces = pieces or chain_pieces(data, chain)
     if pieces.unidentifiable < 0:

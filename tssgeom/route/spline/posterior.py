@@ -35,10 +35,7 @@ def posterior_in_steps(
 ) -> Generator[float, None, tuple[Problem, Solution]]:
     """Stations, weights and posterior of a shape, with a stop after each pass; docs/model.md (20) to (22).
 
-    Raises
-    ------
-    FitError
-        Where the points give no finite curve.
+    Raises FitError where the points give no finite curve.
     """
     problem, solution = _without_outliers(*_first(shape, spacing, noise))
     best, least = (problem, solution), math.inf

@@ -163,10 +163,7 @@ NOISE = NoiseSearch()
 def solve(problem: Problem, guess: float = 0.0) -> Solution:
     """Solve a problem, λ searched from a guess, or everywhere where that is 0.
 
-    Raises
-    ------
-    FitError
-        Where the points give no finite curve.
+    Raises FitError where the points give no finite curve.
     """
     model, sensed, inverse_intensity = problem.model, problem.sensed, 0.0
     if sensed[0] is None or problem.variance > 0.0:

@@ -41,10 +41,7 @@ _NOTHING = 0.05  # of the noise; less is left by chance
 def write_finding_report(path: Path, finding: Finding) -> None:
     """Write the page; an older one gives way only when it is done.
 
-    Raises
-    ------
-    SourceError
-        Where the file cannot be written.
+    Raises SourceError where the file cannot be written.
     """
     sections = (draw(finding) for draw in _SECTIONS)
     page = filled(

@@ -68,10 +68,7 @@ def write_paper_recording(path: Path) -> None:
 
     An older file gives way only when the new one is done.
 
-    Raises
-    ------
-    SourceError
-        Where the file cannot be written.
+    Raises SourceError where the file cannot be written.
     """
     cycle = paper.cycle()
     drive = cycle[np.union1d(evenly(len(cycle), _MOMENTS), [np.argmax(cycle)])]

@@ -46,10 +46,7 @@ class Tracked:
 def write_track_recording(path: Path, tracked: Tracked) -> None:
     """Write the recording; an older file gives way only when it is done.
 
-    Raises
-    ------
-    SourceError
-        Where the file cannot be written.
+    Raises SourceError where the file cannot be written.
     """
     known = tracked.points[~np.isnan(tracked.points).any(axis=2)]
     view = _with_numbers(camera(known, _forward(tracked.points)))

@@ -147,10 +147,7 @@ def moment_of_greatest_tension(path: Path) -> tuple[str, float] | None:
 
     None for a static shape.
 
-    Raises
-    ------
-    SourceError
-        Where the recording is cut short or damaged.
+    Raises SourceError where the recording is cut short or damaged.
     """
     drives = dict[str, tuple[list[Vector], list[Vector]]]()
     for chunk in parts_of(path, _DRIVES):
@@ -168,10 +165,7 @@ def moment_of_greatest_tension(path: Path) -> tuple[str, float] | None:
 def parts_of(path: Path, entities: Sequence[str] | None = None) -> Iterator[Chunk]:
     """Yield the parts of a recording that belong to some entities, or all of them.
 
-    Raises
-    ------
-    SourceError
-        Where the recording is cut short or damaged.
+    Raises SourceError where the recording is cut short or damaged.
     """
     try:
         with warnings.catch_warnings():
@@ -184,13 +178,7 @@ def parts_of(path: Path, entities: Sequence[str] | None = None) -> Iterator[Chun
 
 
 def require_recording(path: Path) -> None:
-    """Refuse a file that is no recording.
-
-    Raises
-    ------
-    SourceError
-        Where the file is missing or is no recording.
-    """
+    """Refuse a file that is no recording; raises SourceError where the file is missing or is no recording."""
     try:
         with path.open("rb") as stream:
             magic = stream.read(3)

@@ -102,10 +102,7 @@ class _Layout:
 def hosted(name: str, port: int) -> tuple[rr.RecordingStream, str]:
     """Host a stream to which viewers on this machine may connect; return it with its address.
 
-    Raises
-    ------
-    SourceError
-        Where the port is taken.
+    Raises SourceError where the port is taken.
     """
     try:  # Rerun itself goes on without a host, and what listens there may show another picture
         socket.create_server(("127.0.0.1", port)).close()
@@ -147,10 +144,7 @@ class GrowingFile:
     def write(self) -> None:
         """Write what was logged since the last time.
 
-        Raises
-        ------
-        SourceError
-            Where the disk refuses; from then on nothing is written.
+        Raises SourceError where the disk refuses; from then on nothing is written.
         """
         data = logged(self._stream.read(flush_timeout_sec=_FLUSH_LIMIT) or b"")
         if self._full:
@@ -169,22 +163,13 @@ class GrowingFile:
     def finish(self) -> None:
         """Write the rest, give the file its name, and put it in order.
 
-        Raises
-        ------
-        SourceError
-            Where the disk refuses.
+        Raises SourceError where the disk refuses.
         """
         self.close()
         self.optimize()
 
     def close(self) -> None:
-        """Write the rest and give the file its name.
-
-        Raises
-        ------
-        SourceError
-            Where the disk refuses.
-        """
+        """Write the rest and give the file its name; raises SourceError where the disk refuses."""
         try:
             self.write()
         finally:

@@ -29,10 +29,7 @@ def table_of(
 ) -> RawTable:
     """Return the table in some rows, of which one at least is data of `count` cells.
 
-    Raises
-    ------
-    ShapeError
-        Where the program of a tracker wrote the file and no points are in it.
+    Raises ShapeError where the program of a tracker wrote the file and no points are in it.
     """
     header = header_of(path, rows, count)
     names = header.names

@@ -36,12 +36,7 @@ _UNITS_OF_COLUMNS = ("units", "unit")
 def raw_tables(path: Path) -> list[RawTable]:
     """Read every table of a file; of one with a single table, that.
 
-    Raises
-    ------
-    ShapeError
-        Where no table is in it.
-    SourceError
-        Where the file cannot be read.
+    Raises ShapeError where no table is in it; SourceError where the file cannot be read.
     """
     kind = ending(path)
     if kind in TEXT:

@@ -45,10 +45,7 @@ _STATED = re.compile(
 def header_of(path: Path, rows: Sequence[Row], count: int) -> Header:
     """Return the header of rows, of which those of data have `count` cells.
 
-    Raises
-    ------
-    ShapeError
-        Where the program of a tracker wrote the file and no points are in it.
+    Raises ShapeError where the program of a tracker wrote the file and no points are in it.
     """
     header = _header_of(path, rows, count)
     comments = (" ".join(row.cells) for row in rows[: header.first] if row.comment)

@@ -63,10 +63,7 @@ class ColumnMap:
     def of(self, path: Path) -> Mapping[str, Mapped]:
         """Return the statements on the columns of a file, by name.
 
-        Raises
-        ------
-        SettingsError
-            Where the file beside the data cannot be used.
+        Raises SettingsError where the file beside the data cannot be used.
         """
         return {**self._rig, **_beside(path.parent), **self._options}
 
@@ -110,10 +107,7 @@ def _option(text: str) -> tuple[str, Mapped]:
 def mapped(name: str, text: str, origin: str) -> Mapped:
     """Read "channel[:unit]".
 
-    Raises
-    ------
-    SettingsError
-        Where there is no such channel or unit, or the unit is one of another quantity.
+    Raises SettingsError where there is no such channel or unit, or the unit is one of another quantity.
     """
     whole, _, given = (part.strip() for part in text.partition(":"))
     channel, own = _channel(whole)

@@ -34,10 +34,7 @@ class _Element(NamedTuple):
 def matlab_variables(path: Path) -> dict[str, Any]:
     """Read the variables of a file; structs become dicts.
 
-    Raises
-    ------
-    SourceError
-        Where the file is damaged, too large, or of version 7.3.
+    Raises SourceError where the file is damaged, too large, or of version 7.3.
     """
     from scipy.io import loadmat
 

@@ -34,11 +34,8 @@ from tssgeom.io.formats.laboratory.units import LENGTH, SI, UNITS, unit_of
 def resolved(path: Path, table: RawTable, said: Mapping[str, Mapped], given_unit: str | None) -> Resolved:
     """Recognise the columns of a table.
 
-    Raises
-    ------
-    ShapeError
-        Where a table without header cannot be points, a channel is there twice, or its numbers have both
-        decimal marks.
+    Raises ShapeError where a table without header cannot be points, a channel is there twice, or its numbers
+    have both decimal marks.
     """
     table = _headed(path, table, said, given_unit)
     result = Resolved()

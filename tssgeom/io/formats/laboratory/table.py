@@ -53,13 +53,8 @@ class LaboratoryTable:
 def laboratory_table(path: Path, columns: ColumnMap = NO_MAP, unit: str | None = None) -> LaboratoryTable:
     """Read the table that a path names, `FILE` or `FILE#PART`.
 
-    Raises
-    ------
-    ShapeError
-        Where no table can be read, where a column is not clear without `--map`, or where the file holds
-        several recordings and the path names none.
-    SourceError
-        Where the file cannot be read.
+    Raises ShapeError where no table can be read, where a column is not clear without `--map`, or where the
+    file holds several recordings and the path names none; SourceError where the file cannot be read.
     """
     file, part = split(path)
     tables = tables_of(file, columns, unit)
@@ -98,12 +93,8 @@ def laboratory_table(path: Path, columns: ColumnMap = NO_MAP, unit: str | None =
 def tables_of(file: Path, columns: ColumnMap, unit: str | None) -> list[tuple[RawTable, Resolved]]:
     """Return the tables of a file that hold points or channels; where none does, all.
 
-    Raises
-    ------
-    ShapeError
-        Where there is none, or one without header cannot be points.
-    SourceError
-        Where the file cannot be read.
+    Raises ShapeError where there is none, or one without header cannot be points; SourceError where the file
+    cannot be read.
     """
     return _tables(file, _key(columns.of(file)), unit)
 

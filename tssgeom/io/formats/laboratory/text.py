@@ -59,12 +59,8 @@ class Form:
 def read_text(path: Path, raw: bytes) -> RawTable:
     """Read the one table of a text.
 
-    Raises
-    ------
-    ShapeError
-        Where it is no text, or no rows of numbers with a common number of columns are in it.
-    SourceError
-        Where it cannot be unpacked.
+    Raises ShapeError where it is no text, or no rows of numbers with a common number of columns are in it;
+    SourceError where it cannot be unpacked.
     """
     text, notes = decoded(path, raw)
     lines = [(number, line) for number, line in enumerate(re.split(r"\r\n|\r|\n", text), 1) if line.strip()]
@@ -92,12 +88,7 @@ def read_text(path: Path, raw: bytes) -> RawTable:
 def decoded(path: Path, raw: bytes) -> tuple[str, list[str]]:
     """Return the text of a file, unpacked where it is packed, and notes on how it was read.
 
-    Raises
-    ------
-    ShapeError
-        Where it is no text.
-    SourceError
-        Where it cannot be unpacked.
+    Raises ShapeError where it is no text; SourceError where it cannot be unpacked.
     """
     notes = list[str]()
     if raw[:2] == b"\x1f\x8b":

@@ -71,10 +71,7 @@ def rows_of_header(rows: Sequence[Sequence[str]]) -> int:
 def export_of(path: Path, head: Sequence[list[str]], count: int) -> Export | None:
     """Return what the rows above the data say, where one of the programs wrote them; else None.
 
-    Raises
-    ------
-    ShapeError
-        Where the file has no points that are read.
+    Raises ShapeError where the file has no points that are read.
     """
     if not head or not rows_of_header(head):
         return None

@@ -103,10 +103,7 @@ def with_row_a_point(
 ) -> RawTable:
     """Return a table with a row a point; one that has no points side by side stays as it is.
 
-    Raises
-    ------
-    ShapeError
-        Where the points have different units, or none at all.
+    Raises ShapeError where the points have different units, or none at all.
     """
     points = point_columns(table.names, table.units, said)
     if sum(all(_is_numbers(table, k) for k in at) for at in points.values()) < FEWEST_POINTS:

@@ -69,10 +69,7 @@ class Side:
 def read_side(path: Path) -> Side:
     """Read a recording that `analyse`, `batch`, `simulate` or `live` wrote.
 
-    Raises
-    ------
-    SourceError
-        Where the file is no recording, or holds no route with its numbers.
+    Raises SourceError where the file is no recording, or holds no route with its numbers.
     """
     require_recording(path)
     chunks = [chunk for chunk in parts_of(path) if not chunk.is_empty]

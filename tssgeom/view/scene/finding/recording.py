@@ -38,10 +38,7 @@ _LARGER = 2.0  # text beside the route, in views that are lower than one alone
 def write_finding_recording(path: Path, finding: Finding) -> None:
     """Write the recording; an older file gives way only when it is done.
 
-    Raises
-    ------
-    SourceError
-        Where the file cannot be written.
+    Raises SourceError where the file cannot be written.
     """
     displayed = replay(finding)
     name = finding.campaign.name
