@@ -34,8 +34,7 @@ def check(
 
     from pipelines.contents import checked, files_and_campaigns
     from pipelines.inputs import Refusal, attempt
-    from pipelines.left_out import print_left_out
-    from pipelines.maps import column_map
+    from pipelines.left_out import column_map, print_left_out
     from tssgeom.io.formats.campaigns import is_campaign
 
     if suggest:

@@ -145,8 +145,8 @@ def _status(arguments: Sequence[str] | None) -> int:
     except Exception as error:
         return _expected(error)
     finally:
-        if "pipelines.maps" in sys.modules:  # a command that takes no --map need not load it
-            from pipelines.maps import report_unused
+        if "pipelines.left_out" in sys.modules:  # a command that takes no --map need not load it
+            from pipelines.left_out import report_unused
 
             report_unused()
 

@@ -73,7 +73,7 @@ def discover(
 
     With --propose it designs what to measure next; --with adds what was measured, until the verdict stands.
     """
-    from pipelines.maps import column_map
+    from pipelines.left_out import column_map
     from tssgeom.errors import SettingsError
     from tssgeom.io.results.findings import report_object
 
@@ -141,14 +141,13 @@ def _identified(
 def _write(out: Path, finding: Finding) -> list[str]:
     """Write all files together, so that a report never stands beside the rig of another."""
     from tssgeom.atomic import replacing_all
-    from tssgeom.io.results.findings import write_report, write_updated_rig
-    from tssgeom.io.results.proposals import FOLDER, write_proposal
+    from tssgeom.io.results.findings import PROPOSED, write_proposal, write_report, write_updated_rig
     from tssgeom.view.report.finding import write_finding_report
     from tssgeom.view.scene.finding.recording import write_finding_recording
 
     with replacing_all(out) as draft:
         if finding.proposal is not None:
-            with replacing_all(out / FOLDER) as drives:
+            with replacing_all(out / PROPOSED) as drives:
                 write_proposal(drives, finding.proposal, tssgeom_version())
         write_report(draft, finding, tssgeom_version())
         write_updated_rig(draft, finding, tssgeom_version())
@@ -240,10 +239,10 @@ def check_folders(out: Path, more: Sequence[Path], *, proposes: bool) -> None:
     Raises SettingsError where a folder of new runs is the one that proposals are written to.
     """
     from tssgeom.errors import SettingsError
-    from tssgeom.io.results.proposals import FOLDER
+    from tssgeom.io.results.findings import PROPOSED
 
     for folder in more:
-        if proposes and folder.resolve() == (out / FOLDER).resolve():
+        if proposes and folder.resolve() == (out / PROPOSED).resolve():
             raise SettingsError(
                 f"--with {folder}: --propose would write over these runs: move them, or give another --out"
             )
@@ -257,8 +256,8 @@ def joined(
     Raises SettingsError, ShapeError or SourceError where a folder has no run, or one cannot be used.
     """
     from tssgeom.io.formats.joined_campaigns import PROPOSAL, with_runs
-    from tssgeom.io.results.proposals import FOLDER
+    from tssgeom.io.results.findings import PROPOSED
 
     for folder in more:
-        campaign = with_runs(campaign, folder, unit, columns, (out / FOLDER / PROPOSAL,))
+        campaign = with_runs(campaign, folder, unit, columns, (out / PROPOSED / PROPOSAL,))
     return campaign

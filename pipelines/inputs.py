@@ -6,16 +6,16 @@ import math
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import count, islice
 from pathlib import Path
 from typing import TypeVar
 
 from msgspec.structs import replace as changed
 
-from pipelines.first_pulls import first_pulls
-from pipelines.maps import column_map
+from pipelines.left_out import column_map
 from pipelines.options import TENSION_IN
 from pipelines.terminal import print_message, sized_progress
-from tssgeom.engine import recorded
+from tssgeom.engine import alone, recorded
 from tssgeom.errors import (
     SettingsError,
     ShapeError,
@@ -33,7 +33,7 @@ from tssgeom.io.results.shapes import Analysis, frame_row, relative
 from tssgeom.mechanism import Drive, End
 from tssgeom.plausibility.frames import rig_remarks
 from tssgeom.rig import Rig, read_uncertain_rig
-from tssgeom.stream import Rejected
+from tssgeom.stream import Frame, FrameResult, Rejected
 from tssgeom.summary import RunningSummary
 from tssgeom.uncertain import UNKNOWNS, Uncertain, require_known
 
@@ -320,3 +320,17 @@ def unexpected(source: str | Path, error: Exception) -> str:
 def one_line(text: str) -> str:
     """Return a text without its line breaks, printable and no longer than a message."""
     return on_one_line(" ".join(text.split()))
+
+
+def first_pulls(
+    frames: Iterable[Frame | Rejected], rig: Rig, *, tension_in: float
+) -> Iterator[FrameResult | Rejected]:
+    """Yield the result of each frame, chunk by chunk as `batch` shares them among its workers."""
+    from tssgeom.io.results.tables import CHUNK
+
+    frames = iter(frames)
+    for first in count(0, CHUNK):
+        chunk = list(islice(frames, CHUNK))
+        if not chunk:
+            return
+        yield from alone(chunk, rig, tension_in=tension_in, first=first)

@@ -1,12 +1,13 @@
-"""Files in folders that no reader takes: how many, by ending."""
+"""What a command leaves out: files in folders that no reader takes, and columns of --map that no file has."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 
 from pipelines.terminal import print_message
 from tssgeom.io.formats.files import ONLY_NAMED, left_out_of
+from tssgeom.io.formats.laboratory.mapping import ColumnMap
 
 
 def left_out_text(left_out: Mapping[str, int]) -> str:
@@ -33,3 +34,25 @@ def print_left_out(paths: Iterable[Path], besides: Collection[Path] = ()) -> Non
     """Print how many files in folders no reader takes, by ending."""
     if left_out := left_out_of(paths, besides):
         print_message(left_out_text(left_out))
+
+
+_given = list[ColumnMap]()
+"""Those of the command that runs."""
+
+
+def column_map(options: Sequence[str] | None, rig: Mapping[str, str] | None = None) -> ColumnMap:
+    """Return the statements of a command, whose end reports those that no file used.
+
+    Raises SettingsError where one cannot be read.
+    """
+    said = ColumnMap(options or (), rig)
+    _given.append(said)
+    return said
+
+
+def report_unused() -> None:
+    """Print the names of `--map` that no file had, once."""
+    names = {name for said in _given for name in said.unused}
+    _given.clear()
+    for name in sorted(names):
+        print_message(f"warning: --map {name!r}: no file that was read has a column of this name")

@@ -10,7 +10,7 @@ import tomli_w
 import typer
 
 from pipelines.inputs import Refusal, attempt
-from pipelines.maps import column_map
+from pipelines.left_out import column_map
 from pipelines.terminal import print_line, print_message
 from tssgeom.atomic import write_text
 from tssgeom.io.formats.laboratory.files import ENDINGS

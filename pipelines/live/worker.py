@@ -16,6 +16,7 @@ import sys
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, suppress
+from functools import partial
 from pathlib import Path
 from time import monotonic, sleep
 from typing import TYPE_CHECKING, Any, Protocol
@@ -25,11 +26,10 @@ import numpy as np
 from pipelines.live.kept_files import Rotation, next_recording
 from pipelines.live.messages import unpacked
 from pipelines.live.priorities import set_niceness
-from tssgeom.adapt.saved import SavedFilter
 from tssgeom.errors import TssgeomError, out_of_memory
-from tssgeom.io.formats.states import Origin, write_state
-from tssgeom.rig import Rig, write_rig
-from tssgeom.stream import Carried, FrameResult
+from tssgeom.io.formats.states import write_state
+from tssgeom.rig import write_rig
+from tssgeom.stream import FrameResult
 
 if TYPE_CHECKING:
     from tssgeom.view.scene.live import LivePicture
@@ -59,42 +59,22 @@ class Role(Protocol):
         ...
 
 
-class StateSaver:
-    """Keeps the newest state of the tendon in a file."""
+class Newest:
+    """Keeps the newest of what it gets, a state or a rig, in a file, whole or not at all."""
 
-    def __init__(self, path: Path) -> None:
-        self._path = path
-        self._state: tuple[Carried, SavedFilter | None, Origin] | None = None
+    def __init__(self, write: Callable[..., None]) -> None:
+        self._write = write
+        self._content: tuple[Any, ...] | None = None
 
-    def take(self, kind: str, content: Any) -> None:
-        """Take in a state."""
-        self._state = content
-
-    def flush(self) -> None:
-        """Write the newest state, whole or not at all."""
-        if self._state is not None:
-            write_state(self._path, *self._state)
-            self._state = None
-
-    finish = flush
-
-
-class RigWriter:
-    """Keeps the newest rig in a file."""
-
-    def __init__(self, path: Path) -> None:
-        self._path = path
-        self._rig: tuple[Rig, list[str]] | None = None
-
-    def take(self, kind: str, content: Any) -> None:
-        """Take in a rig, and the lines of its provenance."""
-        self._rig = content
+    def take(self, kind: str, content: tuple[Any, ...]) -> None:
+        """Take in what is to be written."""
+        self._content = content
 
     def flush(self) -> None:
-        """Write the newest rig, whole or not at all."""
-        if self._rig is not None:
-            write_rig(self._path, *self._rig)
-            self._rig = None
+        """Write it."""
+        if self._content is not None:
+            self._write(*self._content)
+            self._content = None
 
     finish = flush
 
@@ -181,10 +161,8 @@ class Recorder(Drawer):
 
 def _role(name: str, argument: str, *more: str) -> tuple[Role, dict[str, Any]]:
     """Return a role that is ready for messages, and what the stream has to know of it."""
-    if name == "save":
-        return StateSaver(Path(argument)), {}
-    if name == "rig":
-        return RigWriter(Path(argument)), {}
+    if name in ("save", "rig"):
+        return Newest(partial(write_state if name == "save" else write_rig, Path(argument))), {}
     from tssgeom.view.scene.live import LivePicture, warm_up  # here, since it takes long to load
     from tssgeom.view.scene.writer import hosted
 

@@ -9,9 +9,8 @@ from tests.bristle import make_campaign
 from tests.bristle.bands import band_share
 from tssgeom import core
 from tssgeom.identify.fit import base_fit
-from tssgeom.identify.law_bands import with_bands, with_finest_knots, with_knots
 from tssgeom.identify.law_finding import curve
-from tssgeom.identify.law_fit import Term, fitted, score
+from tssgeom.identify.law_fit import Term, fitted, score, with_bands, with_finest_knots, with_knots
 from tssgeom.identify.law_smoothness import law_precision, straight_model
 from tssgeom.identify.mechanisms import FINEST, KNOTS, mechanisms
 from tssgeom.identify.readings import readings

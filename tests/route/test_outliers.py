@@ -10,8 +10,7 @@ from tssgeom import analyse, clean, read
 from tssgeom.core.constants_route import PRIOR
 from tssgeom.route.arcs.chain import Data, unfitted
 from tssgeom.route.arcs.outliers import outlier_weights
-from tssgeom.route.outliers import outlier_limit
-from tssgeom.route.spline.outliers import leaves_out_a_stretch, outlying_tangent
+from tssgeom.route.outliers import leaves_out_a_stretch, outlier_limit, outlying_tangent
 
 NOISE = 5e-4
 

@@ -13,11 +13,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tssgeom import core
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.errors import FitError, SettingsError
 from tssgeom.identify.fit import Point, Problem, posed_about, prior_deviation, prior_sd
 from tssgeom.identify.law_smoothness import law_precision, straight_model
-from tssgeom.identify.mechanisms import Mechanism
+from tssgeom.identify.mechanisms import FINEST, Mechanism, mechanisms
 from tssgeom.least_squares import SOLVER, Solution, derivatives, solve
 from tssgeom.least_squares import Problem as LeastSquares
 
@@ -276,3 +277,39 @@ def spread_over_priors(problem: Problem, fit: LawFit, orders: tuple[int, ...]) -
     straight = straight_model(fit.jacobian, fit.residual, _deviation(problem, fit.at, fit.terms))
     every = product(*(tuple(_priors(term, orders)) for term in fit.terms))
     return replace(fit, covariance=straight.covariance([_precision(fit.at, terms) for terms in every]))
+
+
+_ORDERS = (1, 2)  # of derivatives that a prior may hold: laws that step, and laws that bend
+
+
+def with_finest_knots(problem: Problem, fit: LawFit) -> LawFit | None:
+    """Return a fit whose laws have as many knots as a rig can hold; None where it finds no equilibrium."""
+    by_name = {one.name: one for one in mechanisms(problem.stack, problem.rig, FINEST)}
+    terms = [with_knots(term, by_name[term.mechanism.name]) for term in fit.terms]
+    return fitted(problem, fit.at, terms, orders=_ORDERS)
+
+
+def with_bands(problem: Problem, fit: LawFit) -> LawFit:
+    """Return a fit with the covariance over all priors that its laws may have; docs/model.md (294)."""
+    return spread_over_priors(problem, fit, _ORDERS)
+
+
+def with_knots(term: Term, fine: Mechanism) -> Term:
+    """Return a law at other knots."""
+    own = term.mechanism
+    if fine.size == own.size:
+        return term
+    curve, more = np.split(term.u, [own.size - own.more])
+    there = core.tabulated(core.table_of(own.warped, _values(own, curve)), fine.warped)
+    return replace(term, mechanism=fine, u=np.concatenate([_numbers(fine, there), more]))
+
+
+def _values(one: Mechanism, u: Vector) -> Vector:
+    """Return a law at all its knots, in u."""
+    values = np.cumsum(u) if one.rising else u
+    return np.concatenate([np.zeros(int(one.pinned)), values])
+
+
+def _numbers(one: Mechanism, values: Vector) -> Vector:
+    """Return the numbers of a law with these values at all its knots, in u."""
+    return np.diff(values) if one.rising else values[int(one.pinned) :]

@@ -9,8 +9,7 @@ import numpy as np
 
 from tssgeom.arrays import Points, Vector
 from tssgeom.vision.cameras import Camera, Eyes, eyes
-from tssgeom.vision.localisation import Alone
-from tssgeom.vision.single_view import on_plane
+from tssgeom.vision.localisation import Alone, on_plane
 from tssgeom.vision.triangulation import intersections
 from tssgeom.vision.views import ViewSet
 

@@ -18,7 +18,7 @@ import numpy as np
 from tssgeom import core
 from tssgeom.arrays import read_only
 from tssgeom.errors import ShapeError
-from tssgeom.io.formats.json_keys import NO_OTHERS, OtherKeys, other_keys
+from tssgeom.io.formats.laboratory.unknown import NO_OTHERS, OtherKeys, other_keys
 from tssgeom.io.formats.paths import LONGEST_LINE, reading, stem
 from tssgeom.io.formats.recording import PER_METRE, UNTIMED, Frames, Recording, agreed_unit
 from tssgeom.stream import Frame, Rejected

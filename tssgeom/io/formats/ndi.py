@@ -15,7 +15,7 @@ import numpy as np
 from tssgeom.arrays import Matrix, Points, read_only
 from tssgeom.errors import SettingsError, ShapeError, SourceError
 from tssgeom.io.formats.laboratory.mapping import NO_MAP, ColumnMap
-from tssgeom.io.formats.laboratory.tools import UNOBSERVED, has_row_a_tool
+from tssgeom.io.formats.laboratory.wide import UNOBSERVED, has_row_a_tool
 from tssgeom.io.formats.paths import LONGEST_LINE, reading, stem
 from tssgeom.io.formats.recording import PER_METRE, UNTIMED, Frames, Recording, agreed_unit
 from tssgeom.stream import Frame, Rejected

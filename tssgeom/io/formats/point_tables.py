@@ -14,9 +14,8 @@ from tssgeom.errors import ShapeError, TssgeomError
 from tssgeom.io.formats.columns import AXES, POINT, TIME, columns_of
 from tssgeom.io.formats.laboratory.mapping import NO_MAP, ColumnMap
 from tssgeom.io.formats.laboratory.names import EXACT, RECORDING, is_inert, meaning_of
-from tssgeom.io.formats.laboratory.polar import has_size
 from tssgeom.io.formats.laboratory.table import laboratory_table
-from tssgeom.io.formats.laboratory.wide import point_columns
+from tssgeom.io.formats.laboratory.wide import has_size, point_columns
 from tssgeom.io.formats.longform import MOST_AT_ONCE, LongFrames, Rows, lowest_point, runs_of
 from tssgeom.io.formats.paths import PACKED, bytes_of, ending, reading, require_lines, size_of, split, stem
 from tssgeom.io.formats.recording import Recording

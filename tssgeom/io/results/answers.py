@@ -9,7 +9,7 @@ import msgspec
 
 from tssgeom.adapt.alert import Alert
 from tssgeom.adapt.readings import FollowedRig
-from tssgeom.route.pieces import Arcs
+from tssgeom.io.results.keys.shapes import Segment
 from tssgeom.stream import FrameResult, Rejected
 from tssgeom.tendon.command import Command
 from tssgeom.tendon.command_error import MOST_OUTSIDE
@@ -17,21 +17,6 @@ from tssgeom.tendon.machine_stream import MachineCommand
 
 _LEAST_PROBABILITY = 0.01  # of a mechanism that is named beside the likeliest one [1]; chosen
 _LONGEST_TEXT = 512  # characters of a frame's own text in an answer; chosen: ids and reasons fit
-
-
-class Segment(msgspec.Struct, frozen=True):
-    """One piece of constant curvature."""
-
-    length_m: float
-    """Arc length of the piece [m]."""
-    kappa_per_m: float
-    """Its curvature [1/m]."""
-    angle_rad: float
-    """Its curve angle [rad]."""
-    s_start_m: float
-    """Arc length at which it begins [m]."""
-    angle_se_rad: float
-    """Standard error of the angle; of a straight piece with the bend that its points may hide [rad]."""
 
 
 class OtherCause(msgspec.Struct, frozen=True):
@@ -196,7 +181,7 @@ def answer(result: FrameResult, time: float, seq: int, latency_us: float, droppe
         elongation_se_m=transmission.elongation_se,
         direction_index=transmission.direction_index,
         dead_zone=transmission.dead_zone,
-        segments=_segments(arcs),
+        segments=Segment.of(arcs),
         latency_us=latency_us,
         dropped=dropped,
         stale=False,
@@ -282,11 +267,6 @@ def stale(time: float, seq: int, silent: float, dropped: int) -> bytes:
 def late(time: float | None, seq: int, frame: int, waited: float, dropped: int) -> bytes:
     """Write that a frame has no answer by its deadline; `time` and `seq` are the last good frame's."""
     return _line(Late(time, seq, True, frame, round(waited, 3), dropped))
-
-
-def _segments(arcs: Arcs) -> list[Segment]:
-    columns = (arcs.length, arcs.kappa, arcs.angle, arcs.s_start, arcs.angle_se)
-    return [Segment(*row) for row in zip(*(column.tolist() for column in columns), strict=True)]
 
 
 def _line(message: msgspec.Struct) -> bytes:

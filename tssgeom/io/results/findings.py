@@ -1,4 +1,4 @@
-"""The result of `discover` as files: `report.json` and the updated rig."""
+"""The result of `discover` as files: `report.json`, the updated rig, and the drives of proposed runs."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import tomli_w
 
 from tssgeom.atomic import write_text
 from tssgeom.effects import KINDS, chosen
@@ -22,6 +23,8 @@ from tssgeom.identify.finding import (
     Misfit,
 )
 from tssgeom.identify.mechanisms import MECHANISM_OF
+from tssgeom.identify.proposal import Proposal, ProposedRun
+from tssgeom.io.formats.joined_campaigns import PROPOSAL
 from tssgeom.io.results.keys.findings import (
     BaseNumber,
     EffectOf,
@@ -29,12 +32,11 @@ from tssgeom.io.results.keys.findings import (
     Law,
     MisfitOf,
     Number,
+    ProposalObject,
+    Proposed,
     RankedCandidate,
     Report,
-    RunOf,
-    SelectedEffect,
 )
-from tssgeom.io.results.proposals import proposal_object
 from tssgeom.rig import write_rig
 
 REPORT, RIG = "report.json", "rig.updated.toml"
@@ -66,7 +68,11 @@ def report_object(finding: Finding, version: str) -> Report:
         "campaign": finding.campaign.name,
         "verdict": finding.verdict,
         "sentence": finding.sentence,
-        "effects": [effect for each in finding.effects for effect in _effects(each)],
+        "effects": [
+            {**effect, "evidence": _evidence(each.evidence)}
+            for each in finding.effects
+            for effect in _named(each)
+        ],
         "tie": [list(tie.names) for tie in finding.ties],
         "tie_why": [{"gauge": tie.gauge, "why": tie.why} for tie in finding.ties],
         "breaks_tie": finding.breaks_tie,
@@ -81,15 +87,14 @@ def report_object(finding: Finding, version: str) -> Report:
         "missing_shapes": finding.missing_shapes,
         "ranking": [_ranked(each) for each in finding.ranking],
         "rig": RIG,
-        "runs": [_run(trace.run, trace.route, trace.held_out, len(trace.time)) for trace in finding.traces],
+        "runs": [
+            {"name": one.run, "route": one.route, "held_out": one.held_out, "samples": len(one.time)}
+            for one in finding.traces
+        ],
         "notes": list(finding.notes),
         "seconds": finding.seconds,
     }
     return _finite(report)
-
-
-def _effects(each: Candidate) -> list[SelectedEffect]:
-    return [{**effect, "evidence": _evidence(each.evidence)} for effect in _named(each)]
 
 
 def _ranked(each: Candidate) -> RankedCandidate:
@@ -109,7 +114,7 @@ def _named(each: Candidate) -> list[EffectOf]:
             "mechanism": MECHANISM_OF.get(name, name),
             "formula": name if name in KINDS else None,
             "law": None if each.law is None else _law(each.law),
-            "parameters": _parameters(parameters),
+            "parameters": {key: _estimate(number) for key, number in parameters.items()},
             "choices": chosen(effect),
         }
         for name, effect, parameters in zip(each.names, each.effects, each.parameters, strict=True)
@@ -126,10 +131,6 @@ def _law(each: LawCurve) -> Law:
         "unit": each.unit,
         "nearest": [{"formula": name, "log_evidence": -0.5 * less} for name, less in each.nearest],
     }
-
-
-def _parameters(parameters: Mapping[str, Estimate]) -> dict[str, Number]:
-    return {key: _estimate(each) for key, each in parameters.items()}
 
 
 def _estimate(each: Estimate) -> Number:
@@ -163,10 +164,6 @@ def _misfit(each: Misfit) -> MisfitOf:
             for channel, phases in each.by_phase.items()
         },
     }
-
-
-def _run(name: str, route: str, held_out: bool, samples: int) -> RunOf:
-    return {"name": name, "route": route, "held_out": held_out, "samples": samples}
 
 
 def _finite(value: Any) -> Any:
@@ -217,3 +214,67 @@ def _misfit_lines(misfit: Misfit) -> Sequence[str]:
             for channel in before
         ),
     ]
+
+
+PROPOSED = "proposed"
+"""Where proposals are written, below the folder of the report."""
+
+
+def write_proposal(folder: Path, proposal: Proposal, version: str) -> None:
+    """Write `proposal.toml` and the drive file of each run, `run_1.csv` and so on.
+
+    Raises SourceError where the disk refuses.
+    """
+    for run in proposal.runs:
+        write_text(folder / f"{run.name}.csv", _drive_file(run))
+    listed = _without_none({"version": version, **proposal_object(proposal)})
+    listed["run"] = listed.pop("runs")
+    write_text(folder / PROPOSAL, tomli_w.dumps(listed))
+
+
+def _drive_file(run: ProposedRun) -> str:
+    """Return a drive as CSV: positions in mm, tensions in N."""
+    by_force = run.drive == "tension_in_N"
+    name, factor = (run.drive, 1.0) if by_force else ("displacement_in_mm", 1e3)
+    rows = (f"{t:.6f},{factor * v:.6f}" for t, v in zip(run.time, run.values, strict=True))
+    return "\n".join((f"time_s,{name}", *rows)) + "\n"
+
+
+def proposal_object(proposal: Proposal) -> ProposalObject:
+    """Return `proposed` of `report.json`, in SI but for the limits, whose keys have their units."""
+    return {
+        "sentence": proposal.sentence,
+        "candidates": list(proposal.candidates),
+        "limits": dict(proposal.limits),
+        "stated_limits": list(proposal.stated),
+        "in_the_way": proposal.in_the_way,
+        "narrowed": proposal.narrowed,
+        "runs": [_proposed(run) for run in proposal.runs],
+    }
+
+
+def _proposed(run: ProposedRun) -> Proposed:
+    arcs = run.new_route
+    return {
+        "data": f"{run.name}.csv",
+        "route": run.route,
+        "like": run.like,
+        "new_route": None
+        if arcs is None
+        else {"length_m": np.asarray(arcs.length).tolist(), "angle_rad": np.asarray(arcs.angle).tolist()},
+        "drive": run.drive,
+        "corner_time_s": run.corner_time.tolist(),
+        "corners": run.corners.tolist(),
+        "why": run.why,
+        "outcomes": list(run.outcomes),
+        "expected": run.expected,
+    }
+
+
+def _without_none(value: Any) -> Any:
+    """Leave out what is not there, which TOML cannot express."""
+    if is_dataclass(value) and not isinstance(value, type):
+        value = asdict(value)
+    if isinstance(value, dict):
+        return {key: _without_none(item) for key, item in value.items() if item is not None}
+    return [_without_none(item) for item in value] if isinstance(value, list | tuple) else value

@@ -9,11 +9,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import msgspec
+
 from tssgeom.errors import printable
-from tssgeom.io.results.keys.shapes import ClearanceOf, Contact, Piece
+from tssgeom.io.results.keys.shapes import ClearanceOf, Contact, Segment
 from tssgeom.lumen.clearance import Clearance, Region
-from tssgeom.route.pieces import Arcs
-from tssgeom.stream import FrameResult, Rejected
+from tssgeom.stream import FrameResult, Rejected, drives_tendon
 from tssgeom.summary import RANGED, RunningSummary
 
 _MOST_WARNINGS = 5  # different texts in the object of a recording; chosen
@@ -66,18 +67,13 @@ def shape_summary(name: str, result: FrameResult, notes: Iterable[str] = ()) -> 
 
     Segment lengths add up to `length_m`, segment angles to `total_angle_rad`.
     """
-    transmission = result.transmission
     resolution = {"resolution_m": result.fit.resolution} if result.fit.resolution else {}
     return {
         "shape": name,
         **_geometry(result),
         **resolution,
-        "segments": segments(result.arcs),
-        "tension_in_N": transmission.tension_in,
-        "tension_out_N": transmission.tension_out,
-        "tension_out_se_N": transmission.tension_out_se,
-        "elongation_m": transmission.elongation,
-        "elongation_se_m": transmission.elongation_se,
+        "segments": msgspec.to_builtins(Segment.of(result.arcs)),
+        **_tendon(result),
         **({} if result.machine is None else result.machine.numbers),
         **({"tension_in_assumed": True} if _assumed(result) else {}),
         "warnings": [*notes, *result.warnings],
@@ -86,11 +82,7 @@ def shape_summary(name: str, result: FrameResult, notes: Iterable[str] = ()) -> 
 
 def _assumed(result: FrameResult) -> bool:
     """Whether the frame brings nothing that drives the tendon, so that T_in is that of the option."""
-    frame = result.frame
-    if result.machine is not None:
-        return not result.machine.driven
-    drives = (frame.tension_in, frame.displacement_in, frame.displacement_target, frame.tension_out_target)
-    return all(drive is None for drive in drives)
+    return not (drives_tendon(result.frame) if result.machine is None else result.machine.driven)
 
 
 def _geometry(result: FrameResult) -> dict[str, Any]:
@@ -103,15 +95,6 @@ def _geometry(result: FrameResult) -> dict[str, Any]:
         "noise_m": float(result.fit.noise),
         "method": arcs.method,
     }
-
-
-def segments(arcs: Arcs) -> list[Piece]:
-    """Return the constant-curvature pieces of a route as plain objects, proximal to distal."""
-    columns = (arcs.length, arcs.kappa, arcs.angle, arcs.s_start, arcs.angle_se)
-    return [
-        {"length_m": length, "kappa_per_m": kappa, "angle_rad": angle, "s_start_m": start, "angle_se_rad": se}
-        for length, kappa, angle, start, se in zip(*(each.tolist() for each in columns), strict=True)
-    ]
 
 
 def analysis_object(analysis: Analysis) -> dict[str, Any]:

@@ -12,8 +12,8 @@ from tssgeom.arrays import Matrix, Points, Vector
 from tssgeom.core.constants_route import PASSES, PRIOR
 from tssgeom.errors import FitError
 from tssgeom.route.observations import Shape
+from tssgeom.route.outliers import leaves_out_a_stretch, may_drop_tangent, outlying_tangent
 from tssgeom.route.route import summed
-from tssgeom.route.spline.outliers import leaves_out_a_stretch, may_drop_tangent, outlying_tangent
 from tssgeom.route.spline.problem import (
     FilterModel,
     LastPass,

@@ -118,13 +118,13 @@ def layout(views: rrb.Container, time: rrb.TimePanel) -> rrb.Blueprint:
     )
 
 
-def time_panel(*, timed: bool = True, live: bool = False) -> rrb.TimePanel:
+def time_panel(*, timed: bool = True, live: bool = False, timeline: str = TIMELINE) -> rrb.TimePanel:
     """Return the panel of a timeline, stopped at its beginning; `live` follows the newest frame."""
     if live:
         return rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="following")
     if not timed:
         return rrb.TimePanel(state="hidden")
-    return rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="paused", loop_mode="all")
+    return rrb.TimePanel(state="collapsed", timeline=timeline, play_state="paused", loop_mode="all")
 
 
 def space_view(

@@ -10,6 +10,7 @@ import pyarrow as pa
 import rerun as rr
 from numpy.typing import NDArray
 
+from tssgeom.arrays import Vector
 from tssgeom.view.quantities import COUNT, TIMELINE
 
 
@@ -42,6 +43,13 @@ class Sender:
         if self.since is not None:
             self.recording.set_time(TIMELINE, duration=self.since)
         self.recording.log(self.below + entity, archetype, static=self.since is None, strict=True)
+
+    def line(
+        self, entity: str, name: str, colour: tuple[int, int, int], values: Vector, width: float = 2.0
+    ) -> None:
+        """Send a line over time; its name, its colour and its width hold for all of it."""
+        self.constant(entity, rr.SeriesLines(names=name, colors=[colour], widths=[width]))
+        self.send(entity, rr.Scalars.columns(scalars=np.asarray(values, np.float64)))
 
     def always(self, entity: str, archetype: rr.AsComponents) -> None:
         """Send a value that holds for the whole recording, also before `since`; the last one counts."""

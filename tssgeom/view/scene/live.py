@@ -166,9 +166,7 @@ def send_followed(sender: Sender, results: Sequence[FrameResult]) -> None:
         ):
             title = name if name == key else f"{name} end of the 95 % band"
             entity = f"followed/{key}/{'value' if name == key else name}"
-            style = rr.SeriesLines(names=title, colors=[colours.MEASURED], widths=[width])
-            sender.constant(entity, style)
-            sender.send(entity, rr.Scalars.columns(scalars=line))
+            sender.line(entity, title, colours.MEASURED, line, width)
 
 
 def send_alert(recording: rr.RecordingStream, alert: Alert) -> None:

@@ -231,8 +231,7 @@ def _send_joint(
 def _send_series(sender: Sender, channels: Mapping[str, Vector]) -> None:
     for name, shade in _shades(channels).items():
         of = quantity(name)
-        sender.constant(f"series/{name}", rr.SeriesLines(names=of.label, colors=[shade], widths=[2.0]))
-        sender.send(f"series/{name}", rr.Scalars.columns(scalars=of.factor * channels[name]))
+        sender.line(f"series/{name}", of.label, shade, of.factor * channels[name])
 
 
 def _shades(channels: Mapping[str, Vector]) -> dict[str, Rgb]:

@@ -90,10 +90,8 @@ def send_line(
     width: float = 2.0,
 ) -> None:
     """Send a quantity [SI] against time, in its own unit; name and colour are its own unless given."""
-    style = rr.SeriesLines(names=name or quantity.label, colors=[colour or quantity.rgb], widths=[width])
-    sender.constant(f"series/{entity}", style)
     scalars = quantity.factor * np.asarray(values, np.float64)
-    sender.send(f"series/{entity}", rr.Scalars.columns(scalars=scalars))
+    sender.line(f"series/{entity}", name or quantity.label, colour or quantity.rgb, scalars, width)
 
 
 ON_ROUTE = ("s_m", "tension_N", "phi_rad", "kappa_per_m", "kappa_se_per_m", "phi_se_rad")

@@ -98,8 +98,7 @@ def _send_numbers(sender: Sender, tracked: Tracked) -> None:
         ("seen", "markers located [%]", TENSION_OUT.rgb, share),
         ("noise", "noise [mm]", ANGLE.rgb, 1e3 * tracked.noise),
     ):
-        sender.constant(f"series/{entity}", rr.SeriesLines(names=name, colors=[colour], widths=[2.0]))
-        sender.send(f"series/{entity}", rr.Scalars.columns(scalars=values))
+        sender.line(f"series/{entity}", name, colour, values)
 
 
 def _send_images(recording: rr.RecordingStream, name: str, images: Sequence[tuple[float, bytes]]) -> None:

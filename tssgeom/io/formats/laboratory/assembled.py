@@ -12,8 +12,7 @@ import numpy as np
 from tssgeom.io.formats.columns import AXES
 from tssgeom.io.formats.laboratory.headers import Header, header_of
 from tssgeom.io.formats.laboratory.names import split_unit
-from tssgeom.io.formats.laboratory.raw import Column, RawTable, may_be_group
-from tssgeom.io.formats.laboratory.rows import Row, column_of, is_data
+from tssgeom.io.formats.laboratory.raw import Column, RawTable, Row, column_of, is_data, may_be_group
 from tssgeom.io.formats.laboratory.trackers import only_read
 from tssgeom.io.formats.laboratory.wide import point_columns
 

@@ -20,8 +20,7 @@ from tssgeom.errors import ShapeError, SourceError, first_line
 from tssgeom.io.formats.axes import any_header, note_of_axes, order_of_axes, require_frames_first
 from tssgeom.io.formats.laboratory.assembled import table_of, with_length_unit
 from tssgeom.io.formats.laboratory.matlab import matlab_variables
-from tssgeom.io.formats.laboratory.raw import Column, RawTable
-from tssgeom.io.formats.laboratory.rows import Row, column_of, decimal_of, is_data
+from tssgeom.io.formats.laboratory.raw import Column, RawTable, Row, column_of, decimal_of, is_data
 from tssgeom.io.formats.laboratory.text import read_text
 from tssgeom.io.formats.paths import bytes_of, ending, require_room, require_room_in_zip
 from tssgeom.io.formats.tables import parquet_columns, parquet_file

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from tssgeom.io.formats.laboratory.rows import Row, is_data
+from tssgeom.io.formats.laboratory.raw import Row, is_data
 from tssgeom.io.formats.laboratory.trackers import Export, export_of, filled, padded, rows_of_header
 from tssgeom.io.formats.laboratory.units import LENGTH, unit_of
 

@@ -1,4 +1,4 @@
-"""A table as a file holds it: names, units of a unit row, and columns of numbers or of words."""
+"""A table as a file holds it: rows of cells, names, units of a unit row, columns of numbers or of words."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -129,3 +129,61 @@ def _without_fraction(text: str) -> tuple[str, float]:
     if match is None:
         return text, 0.0
     return text[: match.start()] + text[match.end() :], float(match[0])
+
+
+_NUMBER = re.compile(r"[-+]?(\d[\d.]*(,\d*)?|[.,]\d+|\d+(,\d{3})*\.\d*)([eE][-+]?\d+)?")
+
+
+class RowLimits(NamedTuple):
+    """What makes a row one of data; chosen."""
+
+    numeric_share: float = 0.5
+    """Share of numbers in its cells, at least; a label beside a few numbers is usual."""
+    sample: int = 400
+    """Rows from which the form of a table is recognised: a longer preamble hides it."""
+
+
+ROWS = RowLimits()
+
+
+class Row(NamedTuple):
+    """One row of a file."""
+
+    number: int
+    """From 1."""
+    cells: list[str]
+    comment: bool = False
+
+
+def is_number(cell: str) -> bool:
+    """Whether a cell is a number, with a decimal point or comma, or a time."""
+    return bool(_NUMBER.fullmatch(cell)) or cell.lower() in ("inf", "-inf") or is_moment(cell)
+
+
+def is_data(cells: Sequence[str]) -> bool:
+    """Whether a row holds numbers, and is no header."""
+    filled = [cell for cell in cells if cell.lower() not in MISSING]
+    numbers = sum(map(is_number, filled))
+    return len(cells) > 1 and numbers > 0 and numbers >= ROWS.numeric_share * len(filled)
+
+
+def decimal_of(data: Sequence[Sequence[str]]) -> str:
+    """Return the decimal mark of rows of data."""
+    cells = [cell for row in data for cell in row if is_number(cell) and not is_moment(cell)]
+    commas, points = (sum(mark in cell for cell in cells) for mark in ",.")
+    last = sum(cell.rfind(",") > cell.rfind(".") > -1 for cell in cells)
+    grouped = sum(cell.rfind(".") > cell.rfind(",") > -1 for cell in cells)  # by commas: 1,234.5
+    if all(may_be_group(cell) for cell in cells if "," in cell):  # 1,234 beside 0.5, but not beside 1.234
+        grouped += sum("." in cell and not may_be_group(cell.replace(".", ",")) for cell in cells)
+    return "," if commas and not grouped and (commas > points or last) else "."
+
+
+def column_of(cells: list[str], decimal: str = ".") -> tuple[Column, list[int]]:
+    """Return a column as numbers where most cells are, else as words, and the rows that are no number."""
+    filled = sum(cell.strip().lower() not in MISSING for cell in cells)
+    values, wrong = numbers_of(cells, decimal)
+    if wrong and 2 * len(wrong) >= filled:
+        values, wrong = moments_of(cells)
+    if wrong and 2 * len(wrong) >= filled:
+        return cells, []
+    return values, wrong

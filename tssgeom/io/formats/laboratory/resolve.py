@@ -25,8 +25,7 @@ from tssgeom.io.formats.laboratory.names import (
     meaning_of,
     split_unit,
 )
-from tssgeom.io.formats.laboratory.raw import MISSING, RawTable, numbers_of
-from tssgeom.io.formats.laboratory.rows import is_number
+from tssgeom.io.formats.laboratory.raw import MISSING, RawTable, is_number, numbers_of
 from tssgeom.io.formats.laboratory.text import EXPECTED
 from tssgeom.io.formats.laboratory.units import LENGTH, SI, UNITS, unit_of
 

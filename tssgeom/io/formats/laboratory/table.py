@@ -16,11 +16,14 @@ from tssgeom.io.formats.laboratory.channels import Resolved
 from tssgeom.io.formats.laboratory.files import raw_tables
 from tssgeom.io.formats.laboratory.mapping import NO_MAP, ColumnMap, Mapped
 from tssgeom.io.formats.laboratory.names import stamp_part
-from tssgeom.io.formats.laboratory.polar import with_components
 from tssgeom.io.formats.laboratory.raw import RawTable
 from tssgeom.io.formats.laboratory.resolve import marker_numbers, resolved
-from tssgeom.io.formats.laboratory.tools import with_points_of_tools
-from tssgeom.io.formats.laboratory.wide import FEWEST_POINTS, with_row_a_point
+from tssgeom.io.formats.laboratory.wide import (
+    FEWEST_POINTS,
+    with_components,
+    with_points_of_tools,
+    with_row_a_point,
+)
 from tssgeom.io.formats.paths import kept_while_unchanged, selected, split
 from tssgeom.io.formats.recording import UNTIMED
 

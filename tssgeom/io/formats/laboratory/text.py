@@ -15,11 +15,19 @@ from typing import NamedTuple
 import numpy as np
 
 from tssgeom.errors import ShapeError, SourceError
-from tssgeom.io.formats.laboratory import rows
 from tssgeom.io.formats.laboratory.assembled import finished, table_of
 from tssgeom.io.formats.laboratory.headers import header_of
-from tssgeom.io.formats.laboratory.raw import ERRORS, MISSING, Column, RawTable
-from tssgeom.io.formats.laboratory.rows import Row, decimal_of, is_data, is_number
+from tssgeom.io.formats.laboratory.raw import (
+    ERRORS,
+    MISSING,
+    ROWS,
+    Column,
+    RawTable,
+    Row,
+    decimal_of,
+    is_data,
+    is_number,
+)
 from tssgeom.io.formats.laboratory.trackers import exported_lines
 from tssgeom.io.formats.paths import require_lines, require_room, room
 
@@ -73,7 +81,7 @@ def read_text(path: Path, raw: bytes) -> RawTable:
     if form.decimal == ",":
         notes.append("decimal comma")
     if len(text) > LIMITS.fast:
-        head_rows = [_row(number, line, form) for number, line in lines[: rows.LIMITS.sample]]
+        head_rows = [_row(number, line, form) for number, line in lines[: ROWS.sample]]
         header = header_of(path, head_rows, form.count)
         below = lines[header.first :]
         columns = _fast([line for _, line in below], form) if header.names else None
@@ -161,7 +169,7 @@ def _split(line: str, separator: str) -> list[str]:
 
 def _form(path: Path, lines: Sequence[tuple[int, str]]) -> Form:
     """Recognise separator, number of columns and decimal mark from the rows of numbers."""
-    sample = [line for _, line in lines[: rows.LIMITS.sample] if not _is_comment(line)]
+    sample = [line for _, line in lines[: ROWS.sample] if not _is_comment(line)]
     best, most = None, 0.0
     for separator in _SEPARATORS:
         split = [_split(line, separator) for line in sample]

@@ -1,4 +1,4 @@
-"""Tables with a row a frame, the points side by side, `S1_x,S1_y,S1_z,S2_x,…`: turned to a row a point."""
+"""Tables turned to a row a point: of points side by side, tracked tools, curvatures by size and direction."""
 
 from __future__ import annotations
 
@@ -11,11 +11,10 @@ from pathlib import Path
 import numpy as np
 
 from tssgeom.errors import ShapeError
-from tssgeom.io.formats.columns import AXES, POINT
+from tssgeom.io.formats.columns import AXES, BENDS, POINT
 from tssgeom.io.formats.laboratory.names import EXACT, FRAME, meaning_of, split_unit
-from tssgeom.io.formats.laboratory.raw import MISSING, Column, RawTable
-from tssgeom.io.formats.laboratory.rows import is_number
-from tssgeom.io.formats.laboratory.units import LENGTH, Unit, unit_of
+from tssgeom.io.formats.laboratory.raw import MISSING, Column, RawTable, is_number
+from tssgeom.io.formats.laboratory.units import ANGLE, CURVATURE, LENGTH, Unit, unit_of
 from tssgeom.io.formats.recording import agreed_unit
 
 FEWEST_POINTS = 4
@@ -178,3 +177,117 @@ def _one_unit(file: Path, table: RawTable, columns: Sequence[int]) -> str:
             "write one unit for all points"
         )
     return next(iter(stated))
+
+
+_TOOLS = frozenset(
+    (
+        "tool",
+        "toolid",
+        "toolname",
+        "port",
+        "porthandle",
+        "handle",
+        "sensor",
+        "sensorid",
+        "coil",
+        "coilid",
+        "id",
+    )
+)
+"""Names of the column with the tool, as `_plain` has them."""
+_POSE = ("q0", "qx", "qy", "qz", "tx", "ty", "tz")
+_STATES = frozenset(("state", "status", "toolstatus", "toolstate", "transformstatus"))
+UNOBSERVED = frozenset(("missing", "disabled"))
+"""States of a tool without a pose, in small letters."""
+
+
+def has_row_a_tool(names: Sequence[str]) -> bool:
+    """Whether columns are one pose as NDI's programs name it, beside one with the tool."""
+    plain = [_plain(name) for name in names]
+    return all(plain.count(name) == 1 for name in _POSE) and any(name in _TOOLS for name in plain)
+
+
+def with_points_of_tools(table: RawTable, said: Collection[str]) -> RawTable:
+    """Return a table with a row a tool as one of points in mm, missing where a tool was not tracked.
+
+    A table with other columns, or of which the user names a coordinate, stays as it is.
+    """
+    plain = [_plain(name) for name in table.names]
+    at = [plain.index(name) for name in _POSE[-3:]] if has_row_a_tool(table.names) else []
+    if not at or any(table.names[k] in said for k in at):
+        return table
+    names, columns = [*table.names], [*table.columns]
+    if not all(isinstance(columns[k], np.ndarray) for k in at):
+        return table
+    tracked = np.ones(len(table), bool)
+    for name, column in zip(plain, table.columns, strict=True):
+        if name in _STATES and isinstance(column, list):
+            tracked &= np.array([cell.strip().lower() not in UNOBSERVED for cell in column])
+    cells = np.array([np.where(tracked, columns[k], np.nan) for k in at], np.float64)
+    for k, axis, known in zip(at, "xyz", cells, strict=True):
+        names[k], columns[k] = f"{axis}_mm", known
+    missing = int(np.isnan(cells).any(axis=0).sum())
+    notes = (
+        "a row for each tool, in mm; turns are not read",
+        *([f"{missing} tool{'s' * (missing > 1)} not tracked"] if missing else []),
+    )
+    return replace(table, names=tuple(names), columns=tuple(columns), notes=(*table.notes, *notes))
+
+
+def _plain(name: str) -> str:
+    return re.sub(r"[\s_.#-]+", "", name).lower()
+
+
+_WORDS = {
+    CURVATURE: ("kappa", "κ", "curvature", "curv", "bend", "magnitude"),
+    ANGLE: ("theta", "θ", "phi", "φ", "angle", "direction", "orientation", "bendangle", "bendingangle"),
+}
+
+
+def with_components(table: RawTable, said: Mapping[str, object]) -> RawTable:
+    """Return a table whose curvature has two components instead of size and direction.
+
+    One that has not exactly one column of each, with the unit of each, stays as it is.
+    """
+    sizes, directions = _columns(table.names, table.units, said)
+    if len(sizes) != 1 or len(directions) != 1:
+        return table
+    (size, unit), (direction, angle) = sizes[0], directions[0]
+    kappa, theta = table.columns[size], table.columns[direction]
+    if not (isinstance(kappa, np.ndarray) and isinstance(theta, np.ndarray)):
+        return table
+    turned = unit.factor * kappa, angle.factor * theta
+    columns, names, units = list(table.columns), list(table.names), list(table.units)
+    columns[size], columns[direction] = turned[0] * np.cos(turned[1]), turned[0] * np.sin(turned[1])
+    old = names[size], names[direction]
+    names[size], names[direction] = (f"{bend}_per_m" for bend in BENDS)
+    if units:
+        units[size] = units[direction] = ""
+    note = (
+        f"{old[0]} and {old[1]} read as size and direction of curvature: kappa_x = κ cos θ, kappa_y = κ sin θ"
+    )
+    return replace(
+        table, names=tuple(names), columns=tuple(columns), units=tuple(units), notes=(*table.notes, note)
+    )
+
+
+def has_size(names: Sequence[str]) -> bool:
+    """Whether a name is that of the size of a curvature, with its unit."""
+    return bool(_columns(names, (), ())[0])
+
+
+def _columns(
+    names: Sequence[str], units: Sequence[str], said: Collection[str]
+) -> tuple[list[tuple[int, Unit]], list[tuple[int, Unit]]]:
+    """Return the columns of sizes and of directions, by word and unit, which nobody states otherwise.
+
+    None where there are coordinates: what a shape turns may be written beside its points.
+    """
+    columns: dict[str, list[tuple[int, Unit]]] = {quantity: [] for quantity in _WORDS}
+    split = [] if any(split_unit(name)[0].lower() in AXES for name in names) else map(split_unit, names)
+    for k, (stem, unit) in enumerate(split):
+        unit = unit_of(units[k] if units else "") or unit
+        plain = "".join(letter for letter in stem.lower() if letter.isalpha())
+        if unit is not None and plain in _WORDS.get(unit.quantity, ()) and names[k] not in said:
+            columns[unit.quantity].append((k, unit))
+    return columns[CURVATURE], columns[ANGLE]

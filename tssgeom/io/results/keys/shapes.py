@@ -4,8 +4,12 @@ from __future__ import annotations
 
 from typing import NotRequired, TypedDict
 
+import msgspec
 
-class Piece(TypedDict):
+from tssgeom.route.pieces import Arcs
+
+
+class Segment(msgspec.Struct, frozen=True):
     """A piece of constant curvature."""
 
     length_m: float
@@ -18,6 +22,12 @@ class Piece(TypedDict):
     """Arc length at which it begins [m]."""
     angle_se_rad: float
     """Standard error of the angle; of a straight piece with the bend that its points may hide [rad]."""
+
+    @classmethod
+    def of(cls, arcs: Arcs) -> list[Segment]:
+        """Return the pieces of a route, proximal to distal."""
+        columns = (arcs.length, arcs.kappa, arcs.angle, arcs.s_start, arcs.angle_se)
+        return [cls(*row) for row in zip(*(column.tolist() for column in columns), strict=True)]
 
 
 class Contact(TypedDict):
@@ -84,7 +94,7 @@ class ShapeObject(TypedDict):
     """Estimator behind the pieces: `spline`, `arcs` or `tip`."""
     resolution_m: NotRequired[float]
     """Length below which the sensor cannot resolve a bend, where the rig states its source [m]."""
-    segments: list[Piece]
+    segments: list[Segment]
     """Pieces of constant curvature, proximal to distal."""
     tension_in_N: float
     """Tension at the proximal end [N]."""

@@ -17,7 +17,6 @@ from tssgeom.view.quantities import (
     TENSION_IN,
     TENSION_OUT,
     TIMELINE,
-    Quantity,
 )
 from tssgeom.view.samples import Ranges, ranges
 from tssgeom.view.scene.blueprint import chart, layout, plot, space_view
@@ -139,14 +138,8 @@ def _send_difference(
         ("tension_out", TENSION_OUT, "tension_out_N"),
         ("elongation", ELONGATION, "elongation_m"),
     ):
-        _send_change(sender, entity, quantity, change.values[column])
-
-
-def _send_change(sender: Sender, entity: str, quantity: Quantity, values: Vector) -> None:
-    name = f"Δ{quantity.symbol} [{quantity.unit}]"
-    style = rr.SeriesLines(names=name, colors=[colours.WHITE], widths=[2.0])
-    sender.constant(f"difference/{entity}", style)
-    sender.send(f"difference/{entity}", rr.Scalars.columns(scalars=quantity.factor * values))
+        values = quantity.factor * change.values[column]
+        sender.line(f"difference/{entity}", f"Δ{quantity.label}", colours.WHITE, values)
 
 
 def _send_both(still: Sender, a: Side, b: Side, limits: Ranges) -> None:

@@ -19,7 +19,7 @@ from tssgeom.view.figures.finding import models
 from tssgeom.view.figures.heat_map import bends
 from tssgeom.view.quantities import COUNT, TENSION_IN
 from tssgeom.view.samples import Ranges
-from tssgeom.view.scene.blueprint import Span, beside_legend, chart, from_zero, space_view
+from tssgeom.view.scene.blueprint import Span, beside_legend, chart, from_zero, layout, space_view, time_panel
 from tssgeom.view.scene.charts import Axis, Box, Chart, send_axes, send_slip_front, send_tension_chart
 from tssgeom.view.scene.columns import Sender, segments_2d, segments_3d, strips_2d
 from tssgeom.view.scene.finding.replay import Replay, friction_map, replay
@@ -224,14 +224,8 @@ def blueprint(finding: Finding, displayed: Replay) -> rrb.Blueprint:
     )
     left = rrb.Vertical(spaces, charts, text, row_shares=[38, 30, 32])
     right = rrb.Vertical(*_plots(finding, displayed.tension))
-    return rrb.Blueprint(
-        rrb.Horizontal(left, right, column_shares=[56, 44]),
-        rrb.BlueprintPanel(state="collapsed"),
-        rrb.SelectionPanel(state="collapsed"),
-        rrb.TimePanel(state="collapsed", timeline=COUNT, play_state="paused", loop_mode="all"),
-        auto_views=False,
-        auto_layout=False,
-    )
+    views = rrb.Horizontal(left, right, column_shares=[56, 44])
+    return layout(views, time_panel(timeline=COUNT))
 
 
 def _plots(finding: Finding, tension: float) -> list[rrb.TimeSeriesView]:
@@ -284,11 +278,11 @@ def _send_lines(samples: Sender, finding: Finding) -> None:
     """Send the channel with the largest misfit, what is left of each, and the proximal tension."""
     traces = finding.traces
     pull = np.concatenate([trace.tension_in for trace in traces])
-    _line(samples, "series/tension_in", "T_in of the model [N]", TENSION_IN.rgb, pull)
+    samples.line("series/tension_in", "T_in of the model [N]", TENSION_IN.rgb, pull)
     channels = _plotted_channels(finding)
     for order, when in enumerate(("measured", *models(finding))):
         values = words.channel(channels[0]).factor * _column(traces, when, channels[0])
-        _line(samples, f"channel/line_{order}", when, _COLOURS[when], values, 3.0 if order == 0 else 1.5)
+        samples.line(f"channel/line_{order}", when, _COLOURS[when], values, 3.0 if order == 0 else 1.5)
     for name in channels:
         _send_left(samples, finding, name)
 
@@ -297,26 +291,14 @@ def _send_left(samples: Sender, finding: Finding, name: str) -> None:
     """Send measured less simulated, in the order in which the lines are drawn."""
     traces, factor = finding.traces, words.channel(name).factor
     spread = _SIGMAS * factor * _column(traces, "sigma", name)
-    _line(samples, f"left/{name}/line_0", "− 2σ of the sensors", colours.AXIS, -spread, 1.0)
-    _line(samples, f"left/{name}/line_1", "+ 2σ of the sensors", colours.AXIS, spread, 1.0)
+    samples.line(f"left/{name}/line_0", "− 2σ of the sensors", colours.AXIS, -spread, 1.0)
+    samples.line(f"left/{name}/line_1", "+ 2σ of the sensors", colours.AXIS, spread, 1.0)
     for order, when in enumerate(models(finding), start=2):
         left = factor * (_column(traces, "measured", name) - _column(traces, when, name))
-        _line(samples, f"left/{name}/line_{order}", when, _COLOURS[when], left, 1.5)
+        samples.line(f"left/{name}/line_{order}", when, _COLOURS[when], left, 1.5)
 
 
 def _column(traces: Sequence[Trace], when: str, name: str) -> Vector:
     """Return a channel over the samples of all runs [SI], NaN where a run lacks it."""
     parts = [getattr(trace, when).get(name, np.full(len(trace.time), np.nan)) for trace in traces]
     return np.concatenate(parts)
-
-
-def _line(
-    samples: Sender,
-    entity: str,
-    name: str,
-    colour: tuple[int, int, int],
-    values: Vector,
-    width: float = 2.0,
-) -> None:
-    samples.constant(entity, rr.SeriesLines(names=name, colors=[colour], widths=[width]))
-    samples.send(entity, rr.Scalars.columns(scalars=np.asarray(values, dtype=np.float64)))
