@@ -54,6 +54,7 @@ class ToeRegion(Effect, frozen=True):
     """Tension over which it is stretched out [N]."""
 
     hook: ClassVar[Hook] = "bar law"
+    sets: ClassVar[dict[str, str]] = {"toe_strain": "strain", "toe_scale_N": "scale_N"}
     by_force: ClassVar[tuple[Channel, ...]] = PATHS
     parameters: ClassVar[dict[str, Parameter]] = {
         "strain": Parameter("1", 0.0, 0.05, 8e-4, 1.5e-3),
@@ -63,10 +64,6 @@ class ToeRegion(Effect, frozen=True):
         Tie("G10", ("slack_take_up",), _STRAIGHT, _BENT),
         Tie("G10", ("sheath_clearance",), "one route of one curvature", "a second route of another angle"),
     )
-
-    def on(self, setup: Setup) -> Setup:
-        """Return the setup with this effect in it."""
-        return replace(setup, toe_strain=self.strain, toe_scale_N=self.scale_N)
 
 
 class Creep(Effect, frozen=True):
@@ -82,6 +79,7 @@ class Creep(Effect, frozen=True):
     """Time constant [s]."""
 
     hook: ClassVar[Hook] = "eigenstrain"
+    sets: ClassVar[dict[str, str]] = {"creep_ratio": "ratio", "creep_time_s": "time_s"}
     parameters: ClassVar[dict[str, Parameter]] = {
         "ratio": Parameter("1", 0.0, 2.0, 0.06, 0.1),
         "time_s": Parameter("s", 1e-3, 1e5, 20.0, 20.0, centre=20.0, switch=False),
@@ -95,10 +93,6 @@ class Creep(Effect, frozen=True):
         ),
     )
 
-    def on(self, setup: Setup) -> Setup:
-        """Return the setup with this effect in it."""
-        return replace(setup, creep_ratio=self.ratio, creep_time_s=self.time_s)
-
 
 class SeriesComplianceProximal(Effect, frozen=True):
     """What lies between drive and sheath gives way with T_in; docs/model.md (50).
@@ -110,15 +104,12 @@ class SeriesComplianceProximal(Effect, frozen=True):
     """Stretch per proximal tension [m/N]."""
 
     hook: ClassVar[Hook] = "bar law"
+    adds: ClassVar[dict[str, str]] = {"series_in_m_per_N": "compliance_m_per_N"}
     by_force: ClassVar[tuple[Channel, ...]] = PATHS
     parameters: ClassVar[dict[str, Parameter]] = {"compliance_m_per_N": _SERIES}
     ties: ClassVar[tuple[Tie, ...]] = (
         Tie("G2", ("series_compliance_distal", "rig.tendon.compliance_per_N"), _STRAIGHT, _BENT),
     )
-
-    def on(self, setup: Setup) -> Setup:
-        """Return the setup with this effect in it."""
-        return replace(setup, series_in_m_per_N=setup.series_in_m_per_N + self.compliance_m_per_N)
 
 
 class SeriesComplianceDistal(Effect, frozen=True):
@@ -131,6 +122,7 @@ class SeriesComplianceDistal(Effect, frozen=True):
     """Stretch per distal tension [m/N]."""
 
     hook: ClassVar[Hook] = "bar law"
+    adds: ClassVar[dict[str, str]] = {"series_out_m_per_N": "compliance_m_per_N"}
     by_force: ClassVar[tuple[Channel, ...]] = PATHS
     parameters: ClassVar[dict[str, Parameter]] = {"compliance_m_per_N": _SERIES}
     ties: ClassVar[tuple[Tie, ...]] = (
@@ -142,10 +134,6 @@ class SeriesComplianceDistal(Effect, frozen=True):
             "measure the distal displacement",
         ),
     )
-
-    def on(self, setup: Setup) -> Setup:
-        """Return the setup with this effect in it."""
-        return replace(setup, series_out_m_per_N=setup.series_out_m_per_N + self.compliance_m_per_N)
 
 
 class ThermalDrift(Effect, frozen=True):
@@ -160,11 +148,8 @@ class ThermalDrift(Effect, frozen=True):
     """Expansion of the tendon less that of the sheath α [1/K]."""
 
     hook: ClassVar[Hook] = "eigenstrain"
+    adds: ClassVar[dict[str, str]] = {"expansion_per_K": "expansion_per_K"}
     needs: ClassVar[tuple[str, ...]] = ("temperature_C",)
     parameters: ClassVar[dict[str, Parameter]] = {
         "expansion_per_K": Parameter("1/K", -1e-3, 1e-3, 1.5e-5, 3e-5)
     }
-
-    def on(self, setup: Setup) -> Setup:
-        """Return the setup with this effect in it."""
-        return replace(setup, expansion_per_K=setup.expansion_per_K + self.expansion_per_K)

@@ -60,13 +60,10 @@ class Backlash(Effect, frozen=True):
     """Motion lost at each turn [m]."""
 
     hook: ClassVar[Hook] = "boundary"
+    adds: ClassVar[dict[str, str]] = {"backlash_m": "width_m"}
     by_force: ClassVar[tuple[Channel, ...]] = PATHS
     parameters: ClassVar[dict[str, Parameter]] = {"width_m": Parameter("m", 0.0, 0.02, 2e-4, 3e-4)}
     ties: ClassVar[tuple[Tie, ...]] = ()
-
-    def on(self, setup: Setup) -> Setup:
-        """Return the setup with this effect in it."""
-        return replace(setup, backlash_m=setup.backlash_m + self.width_m)
 
 
 class TensionInGain(Effect, frozen=True):
@@ -115,15 +112,12 @@ class TensionInOffset(Effect, frozen=True):
     """What it reads at no load [N]."""
 
     hook: ClassVar[Hook] = "observation"
+    adds: ClassVar[dict[str, str]] = {"tension_in_offset_N": "offset_N"}
     by_position: ClassVar[tuple[Channel, ...]] = ("tension_in_N",)
     parameters: ClassVar[dict[str, Parameter]] = {"offset_N": _OFFSET}
     ties: ClassVar[tuple[Tie, ...]] = (
         Tie("G1", ("tension_out_offset",), _NO_LOSS, "read both cells unloaded"),
     )
-
-    def on(self, setup: Setup) -> Setup:
-        """Return the setup with this effect in it."""
-        return replace(setup, tension_in_offset_N=setup.tension_in_offset_N + self.offset_N)
 
 
 class TensionOutOffset(Effect, frozen=True):
@@ -133,16 +127,13 @@ class TensionOutOffset(Effect, frozen=True):
     """What it reads at no load [N]."""
 
     hook: ClassVar[Hook] = "observation"
+    adds: ClassVar[dict[str, str]] = {"tension_out_offset_N": "offset_N"}
     by_force: ClassVar[tuple[Channel, ...]] = ("tension_out_N",)
     by_position: ClassVar[tuple[Channel, ...]] = ("tension_out_N",)
     parameters: ClassVar[dict[str, Parameter]] = {"offset_N": _OFFSET}
     ties: ClassVar[tuple[Tie, ...]] = (
         Tie("G1", ("tension_in_offset",), _NO_LOSS, "read both cells unloaded"),
     )
-
-    def on(self, setup: Setup) -> Setup:
-        """Return the setup with this effect in it."""
-        return replace(setup, tension_out_offset_N=setup.tension_out_offset_N + self.offset_N)
 
 
 class ChannelLag(Effect, frozen=True):
@@ -180,6 +171,7 @@ class LoadCellCrosstalk(Effect, frozen=True):
     """Share of T_in in the distal reading [1]."""
 
     hook: ClassVar[Hook] = "observation"
+    adds: ClassVar[dict[str, str]] = {"crosstalk": "share"}
     by_force: ClassVar[tuple[Channel, ...]] = ("tension_out_N",)
     by_position: ClassVar[tuple[Channel, ...]] = ("tension_out_N",)
     parameters: ClassVar[dict[str, Parameter]] = {"share": Parameter("1", -0.5, 0.5, 0.02, 0.03)}
@@ -191,7 +183,3 @@ class LoadCellCrosstalk(Effect, frozen=True):
             "load one cell alone",
         ),
     )
-
-    def on(self, setup: Setup) -> Setup:
-        """Return the setup with this effect in it."""
-        return replace(setup, crosstalk=setup.crosstalk + self.share)

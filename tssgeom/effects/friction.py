@@ -27,6 +27,7 @@ class LoadDependentFriction(Effect, frozen=True):
     """Tension at which the coefficient is the rig's [N]."""
 
     hook: ClassVar[Hook] = "friction cone"
+    sets: ClassVar[dict[str, str]] = {"load_exponent": "exponent", "load_reference_N": "reference_N"}
     parameters: ClassVar[dict[str, Parameter]] = {
         "exponent": Parameter("1", -0.9, 0.9, -0.2, 0.3),
         "reference_N": Parameter("N", 0.1, 1000.0, 10.0, 10.0, centre=10.0, switch=False, fitted=False),
@@ -39,10 +40,6 @@ class LoadDependentFriction(Effect, frozen=True):
             "a run at three times the tension",
         ),
     )
-
-    def on(self, setup: Setup) -> Setup:
-        """Return the setup with this effect in it."""
-        return replace(setup, load_exponent=self.exponent, load_reference_N=self.reference_N)
 
 
 class VelocityDependentFriction(Effect, frozen=True):
@@ -60,6 +57,7 @@ class VelocityDependentFriction(Effect, frozen=True):
     """Speed below which the change levels off [m/s]."""
 
     hook: ClassVar[Hook] = "friction cone"
+    sets: ClassVar[dict[str, str]] = {"speed_gain": "gain", "speed_reference_m_per_s": "reference_m_per_s"}
     parameters: ClassVar[dict[str, Parameter]] = {
         "gain": Parameter("1", -0.2, 1.0, 0.08, 0.15),
         "reference_m_per_s": Parameter("m/s", 1e-6, 1.0, 1e-3, 1e-3, centre=1e-3, switch=False, fitted=False),
@@ -69,10 +67,6 @@ class VelocityDependentFriction(Effect, frozen=True):
             _ONE_RATE, partners=("viscous_drag", "straight_section_friction", "rig.friction.coefficient")
         ),
     )
-
-    def on(self, setup: Setup) -> Setup:
-        """Return the setup with this effect in it."""
-        return replace(setup, speed_gain=self.gain, speed_reference_m_per_s=self.reference_m_per_s)
 
 
 class ViscousDrag(Effect, frozen=True):
@@ -85,14 +79,11 @@ class ViscousDrag(Effect, frozen=True):
     """Force per length and speed [N·s/m²]."""
 
     hook: ClassVar[Hook] = "friction cone"
+    adds: ClassVar[dict[str, str]] = {"drag_Ns_per_m2": "coefficient_Ns_per_m2"}
     parameters: ClassVar[dict[str, Parameter]] = {
         "coefficient_Ns_per_m2": Parameter("N·s/m²", 0.0, 1e6, 300.0, 600.0)
     }
     ties: ClassVar[tuple[Tie, ...]] = (_ONE_RATE,)
-
-    def on(self, setup: Setup) -> Setup:
-        """Return the setup with this effect in it."""
-        return replace(setup, drag_Ns_per_m2=setup.drag_Ns_per_m2 + self.coefficient_Ns_per_m2)
 
 
 class StraightSectionFriction(Effect, frozen=True):
@@ -106,12 +97,9 @@ class StraightSectionFriction(Effect, frozen=True):
     """Friction force per length f_0 [N/m]."""
 
     hook: ClassVar[Hook] = "friction cone"
+    adds: ClassVar[dict[str, str]] = {"straight_friction_N_per_m": "force_N_per_m"}
     parameters: ClassVar[dict[str, Parameter]] = {"force_N_per_m": Parameter("N/m", 0.0, 50.0, 0.6, 1.0)}
     ties: ClassVar[tuple[Tie, ...]] = (replace(_ONE_RATE, partners=("viscous_drag",)),)
-
-    def on(self, setup: Setup) -> Setup:
-        """Return the setup with this effect in it."""
-        return replace(setup, straight_friction_N_per_m=setup.straight_friction_N_per_m + self.force_N_per_m)
 
 
 class CurvatureDependentFriction(Effect, frozen=True):
@@ -125,6 +113,7 @@ class CurvatureDependentFriction(Effect, frozen=True):
     """Relative change of μ for each 1/m of curvature [m]."""
 
     hook: ClassVar[Hook] = "friction cone"
+    sets: ClassVar[dict[str, str]] = {"curvature_gain_m": "gain_m"}
     parameters: ClassVar[dict[str, Parameter]] = {"gain_m": Parameter("m", -0.02, 0.5, 0.012, 0.02)}
     ties: ClassVar[tuple[Tie, ...]] = (
         Tie(
@@ -134,10 +123,6 @@ class CurvatureDependentFriction(Effect, frozen=True):
             "a second route of the same angle and other radii",
         ),
     )
-
-    def on(self, setup: Setup) -> Setup:
-        """Return the setup with this effect in it."""
-        return replace(setup, curvature_gain_m=self.gain_m)
 
 
 class AsymmetricFriction(Effect, frozen=True):
@@ -151,6 +136,7 @@ class AsymmetricFriction(Effect, frozen=True):
     """Relative difference a from the mean coefficient [1]."""
 
     hook: ClassVar[Hook] = "friction cone"
+    sets: ClassVar[dict[str, str]] = {"asymmetry": "asymmetry"}
     parameters: ClassVar[dict[str, Parameter]] = {"asymmetry": Parameter("1", -0.9, 0.9, 0.08, 0.15)}
     ties: ClassVar[tuple[Tie, ...]] = (
         Tie(
@@ -160,10 +146,6 @@ class AsymmetricFriction(Effect, frozen=True):
             "release far enough that the distal end follows",
         ),
     )
-
-    def on(self, setup: Setup) -> Setup:
-        """Return the setup with this effect in it."""
-        return replace(setup, asymmetry=self.asymmetry)
 
 
 class FrictionDrift(Effect, frozen=True):
@@ -181,6 +163,7 @@ class FrictionDrift(Effect, frozen=True):
     """Travel over which the change comes [m]."""
 
     hook: ClassVar[Hook] = "friction cone"
+    sets: ClassVar[dict[str, str]] = {"wear_gain": "gain", "wear_travel_m": "travel_m"}
     parameters: ClassVar[dict[str, Parameter]] = {
         "gain": Parameter("1", -0.8, 2.0, 0.15, 0.25),
         "travel_m": Parameter("m", 1e-4, 100.0, 0.05, 0.05, centre=0.05, switch=False),
@@ -193,10 +176,6 @@ class FrictionDrift(Effect, frozen=True):
             "twenty equal cycles in one run, on a fresh tendon",
         ),
     )
-
-    def on(self, setup: Setup) -> Setup:
-        """Return the setup with this effect in it."""
-        return replace(setup, wear_gain=self.gain, wear_travel_m=self.travel_m)
 
 
 _FITTING = {
@@ -225,14 +204,11 @@ class Presliding(Effect, frozen=True):
     """That tension; at others the movement is proportional to it [N]."""
 
     hook: ClassVar[Hook] = "friction cone"
+    sets: ClassVar[dict[str, str]] = {"presliding_m": "distance_m", "presliding_reference_N": "reference_N"}
     parameters: ClassVar[dict[str, Parameter]] = {
         "distance_m": Parameter("m", 0.0, 5e-3, 5e-5, 1e-4),
         "reference_N": Parameter("N", 0.1, 1000.0, 10.0, 10.0, centre=10.0, switch=False, fitted=False),
     }
-
-    def on(self, setup: Setup) -> Setup:
-        """Return the setup with this effect in it."""
-        return replace(setup, presliding_m=self.distance_m, presliding_reference_N=self.reference_N)
 
 
 class EndFittingFrictionProximal(Effect, frozen=True):

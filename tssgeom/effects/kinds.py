@@ -2,7 +2,7 @@
 
 import math
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar, Literal, NamedTuple
 
 import msgspec
@@ -182,6 +182,16 @@ class Effect(
     """Columns without which a run shows nothing of the effect."""
     parameters: ClassVar[dict[str, Parameter]] = {}
     ties: ClassVar[tuple[Tie, ...]] = ()
+    sets: ClassVar[dict[str, str]] = {}
+    """Numbers of a setup, and the own number that each is."""
+    adds: ClassVar[dict[str, str]] = {}
+    """Numbers of a setup, and the own number that is added to each."""
+
+    def on(self, setup: Setup) -> Setup:
+        """Return the setup with this effect in it."""
+        given = {name: getattr(self, own) for name, own in self.sets.items()}
+        more = {name: getattr(setup, name) + getattr(self, own) for name, own in self.adds.items()}
+        return replace(setup, **given, **more)
 
     def __post_init__(self) -> None:
         for key, allowed in self.parameters.items():
