@@ -24,8 +24,7 @@ def check(
     unit: Unit = None,
     columns: Map = None,
     suggest: Annotated[
-        bool,
-        typer.Option("--suggest", help="Print the lines of columns.toml for these tables."),
+        bool, typer.Option("--suggest", help="Print the lines of columns.toml for these tables.")
     ] = False,
     as_json: Json = False,
 ) -> None:

@@ -90,12 +90,7 @@ def compensate(
                 quiet=quiet,
             )
             raise typer.Exit(status)
-        commander = commander_of(
-            settings.rig,
-            settings.uncertain,
-            tolerance=tolerance,
-            policy=policy,
-        )
+        commander = commander_of(settings.rig, settings.uncertain, tolerance=tolerance, policy=policy)
         run = measured_run(target, settings)
         channel, values = run.channel(_TARGETS)
         warn_about_unused(run, channel, _TARGETS)

@@ -64,8 +64,7 @@ Figures = Annotated[
     Path | None, typer.Option("--figures", help="Folder for figures for print, as PDF and SVG.")
 ]
 FigureStyle = Annotated[
-    StyleName,
-    typer.Option("--style", help="Of the figures: light, dark, or paper: column width, no titles."),
+    StyleName, typer.Option("--style", help="Of the figures: light, dark, or paper: column width, no titles.")
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON on stdout instead of a table.")]
 Quiet = Annotated[bool, typer.Option("--quiet", help="Print nothing on stdout and no progress.")]

@@ -85,15 +85,7 @@ def _cells(row: Row) -> list[str]:
     paper = f"{row.paper:g}" if row.printed else f"({row.paper:g})"
     difference = f"{row.difference:+.4f}".replace("-0.0000", "+0.0000")
     ours = f"{row.ours:.4g}" if row.unit != "mm" else f"{row.ours:.4f}"
-    return [
-        row.figure,
-        row.quantity,
-        row.unit,
-        paper,
-        ours,
-        difference,
-        row.why,
-    ]
+    return [row.figure, row.quantity, row.unit, paper, ours, difference, row.why]
 
 
 def _as_markdown(numbers: list[Row]) -> str:

@@ -79,10 +79,7 @@ def remedy(
     percentile: Annotated[
         float,
         typer.Option(
-            "--percentile",
-            min=1.0,
-            max=100.0,
-            help="Percentile of the changes over all perturbations.",
+            "--percentile", min=1.0, max=100.0, help="Percentile of the changes over all perturbations."
         ),
     ] = 95.0,
     trials: Annotated[int, typer.Option("--trials", min=10, help="Number of random perturbations.")] = 500,

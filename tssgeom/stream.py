@@ -9,12 +9,7 @@ from typing import TYPE_CHECKING
 from tssgeom.effects import named
 from tssgeom.errors import SettingsError
 from tssgeom.frame import Frame
-from tssgeom.plausibility.frames import (
-    frame_remarks,
-    given_route_remarks,
-    require_one_target,
-    strain_remarks,
-)
+from tssgeom.plausibility.frames import frame_remarks, given_route_remarks, require_one_target, strain_remarks
 from tssgeom.plausibility.rules import warnings_of
 from tssgeom.result import Result
 from tssgeom.rig import Rig

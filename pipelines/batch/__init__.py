@@ -24,8 +24,7 @@ def batch(
     unit: Unit = None,
     columns: Map = None,
     workers: Annotated[
-        int | None,
-        typer.Option("--workers", min=1, help="Processes; as many as cores and input justify."),
+        int | None, typer.Option("--workers", min=1, help="Processes; as many as cores and input justify.")
     ] = None,
     scheduler: Annotated[
         str | None, typer.Option("--scheduler", help="Dask scheduler, tcp://HOST:PORT, instead of processes.")

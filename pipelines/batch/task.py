@@ -13,15 +13,7 @@ import msgspec
 
 from pipelines.batch.workers import report_progress
 from pipelines.figures import write_shape_figures
-from pipelines.inputs import (
-    Refusal,
-    RunSettings,
-    attempt,
-    frame_refusals,
-    one_line,
-    require_used,
-    unexpected,
-)
+from pipelines.inputs import Refusal, RunSettings, attempt, frame_refusals, one_line, require_used, unexpected
 from pipelines.lumen import SensedLumen, add_clearance, lumen_of
 from tssgeom.atomic import temporary_folder
 from tssgeom.engine import alone, recorded

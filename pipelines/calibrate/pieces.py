@@ -52,13 +52,7 @@ def calibrate_pieces(
     log = measured_run(path, settings)
     with step_progress(quiet=quiet or as_json) as report_step, errors_naming(path, *shapes[:1]):
         fits = calibrated_pieces.calibrate_pieces(
-            log.name,
-            log.columns,
-            routes,
-            settings.rig,
-            settings.uncertain,
-            every=every,
-            progress=report_step,
+            log.name, log.columns, routes, settings.rig, settings.uncertain, every=every, progress=report_step
         )
         pieces = list(fits)
         report_step("done", 1.0)

@@ -31,8 +31,7 @@ def live(
     tolerance_mm: ToleranceMm = None,
     policy: PolicyChoice = "cross",
     adapt: Annotated[
-        bool,
-        typer.Option("--adapt", help="Follow friction, zeros, or what the rig names in adapt."),
+        bool, typer.Option("--adapt", help="Follow friction, zeros, or what the rig names in adapt.")
     ] = False,
     write_rig: Annotated[
         Path | None,
@@ -51,8 +50,7 @@ def live(
         ),
     ] = None,
     spin: Annotated[
-        bool,
-        typer.Option(help="Above 90 frames a second, await the next without sleep: that takes a core."),
+        bool, typer.Option(help="Above 90 frames a second, await the next without sleep: that takes a core.")
     ] = True,
     stats: Annotated[
         bool, typer.Option("--stats", help="Print statistics each second as JSON on stderr.")

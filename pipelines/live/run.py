@@ -21,14 +21,7 @@ from pipelines.inputs import RunSettings
 from pipelines.live.fits import Fits
 from pipelines.live.following import AlertReport, RigFeed
 from pipelines.live.kept_files import Rotation, kept_recording, locked
-from pipelines.live.processes import (
-    PictureFeed,
-    SideProcess,
-    StateFeed,
-    TokenBucket,
-    await_ready,
-    finish_all,
-)
+from pipelines.live.processes import PictureFeed, SideProcess, StateFeed, TokenBucket, await_ready, finish_all
 from pipelines.live.session import ResultConsumer, Session
 from pipelines.live.status import StatusLine
 from pipelines.live.warm_up import warm_up
@@ -145,11 +138,7 @@ def run(options: LiveOptions, settings: RunSettings) -> int:
             state=None if isinstance(state, CarriedMachine) else state,
         )
         engine = Engine(
-            settings.rig,
-            tension_in=settings.tension_in,
-            state=state,
-            commander=commander,
-            follower=follower,
+            settings.rig, tension_in=settings.tension_in, state=state, commander=commander, follower=follower
         )
         session.fits = Fits(selector, engine, options.deadline, options.stale_after)
         session.consumers, processes = _side_processes(options, record, settings, follower, selector, report)

@@ -171,10 +171,7 @@ def _detections(
     find = blob_finder(options.blobs) if options.family is None else tag_finder(options.family)
     corners = 1 if options.family is None else CORNERS
     detections = list[list[Sightings]]()
-    with (
-        counted_progress(1, quiet=quiet) as progress,
-        ending_this_step() if footage.live else nullcontext(),
-    ):
+    with counted_progress(1, quiet=quiet) as progress, ending_this_step() if footage.live else nullcontext():
         progress.begin("detecting markers")
         for images in _limited(footage, options.most, progress):
             row = list[Sightings]()

@@ -101,11 +101,7 @@ def _finding_table(finding: Finding) -> pa.Table:
         [
             ("name", "effects that were refitted together", [" + ".join(each.names) for each in ranking]),
             ("delta_bic", "fall of the information criterion", [each.delta_bic for each in evidence]),
-            (
-                "held_out_fall",
-                "fall of χ² of the held-out runs",
-                [each.held_out_fall for each in evidence],
-            ),
+            ("held_out_fall", "fall of χ² of the held-out runs", [each.held_out_fall for each in evidence]),
             ("threshold", "what that fall has to exceed", [each.threshold for each in evidence]),
             (
                 "size_over_guard",

@@ -18,11 +18,7 @@ from tssgeom.identify.law_fit import Added, LawFit, Score, Term, fitted, score, 
 from tssgeom.identify.mechanisms import MECHANISM_OF, Mechanism, mechanisms
 from tssgeom.identify.misfit import HeldOut
 from tssgeom.identify.prediction import FINE, simulated
-from tssgeom.identify.screening import (
-    Variant,
-    detected_size,
-    screening,
-)
+from tssgeom.identify.screening import Variant, detected_size, screening
 from tssgeom.identify.selection import SEARCH, name_of, without
 from tssgeom.least_squares import SOLVER
 from tssgeom.statistics import EVIDENCE_SCALE
@@ -264,12 +260,7 @@ def _formula_starts(problem: Problem, now: LawFit, formulas: Sequence[Variant]) 
 
 
 def _judged(
-    problem: Problem,
-    base: Point,
-    now: LawFit,
-    one: Offer,
-    held: HeldOut | None,
-    limits: Mapping[str, float],
+    problem: Problem, base: Point, now: LawFit, one: Offer, held: HeldOut | None, limits: Mapping[str, float]
 ) -> Offer:
     """Return an offer fitted to the end, with why it is not taken; docs/model.md (191)."""
     least = needed(one.fit)

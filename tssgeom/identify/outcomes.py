@@ -61,11 +61,7 @@ def words_of(name: str) -> str:
 
 
 def outcome(
-    contrast: Contrast,
-    names: tuple[str, str],
-    sigma: Mapping[str, Vector],
-    course: Course,
-    drive: Drive,
+    contrast: Contrast, names: tuple[str, str], sigma: Mapping[str, Vector], course: Course, drive: Drive
 ) -> tuple[str, str]:
     """Return the channel in which two models differ most, and what each outcome means, a sentence.
 

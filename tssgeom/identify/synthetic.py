@@ -41,9 +41,7 @@ BELIEVED = Rig(
 )
 """The nominal rig."""
 TRUE = msgspec.structs.replace(
-    BELIEVED,
-    tendon=Tendon(compliance_per_N=3.16e-4, pretension_N=1.5),
-    friction=Friction(coefficient=0.149),
+    BELIEVED, tendon=Tendon(compliance_per_N=3.16e-4, pretension_N=1.5), friction=Friction(coefficient=0.149)
 )
 """The rig as it is, but for its effects."""
 

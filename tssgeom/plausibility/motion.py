@@ -10,12 +10,7 @@ from tssgeom.arrays import Vector
 from tssgeom.core.constants import CHANCE
 from tssgeom.plausibility.kinds import Remark
 from tssgeom.plausibility.limits import LIMITS
-from tssgeom.plausibility.machines import (
-    angle_remarks,
-    direction_remarks,
-    load_sign_remarks,
-    sign_remarks,
-)
+from tssgeom.plausibility.machines import angle_remarks, direction_remarks, load_sign_remarks, sign_remarks
 from tssgeom.plausibility.rules import remark
 from tssgeom.plausibility.series import DRIVES, Series, correlation, filled
 from tssgeom.plausibility.values import DISPLACEMENTS, apparent_friction

@@ -90,9 +90,7 @@ def chain_model(data: Data, chain: Chain, spline: Spline) -> ChainModel:
     )
 
 
-def with_straights(
-    tried: Iterable[tuple[Data, Chain]],
-) -> Generator[float, None, list[tuple[Data, Chain]]]:
+def with_straights(tried: Iterable[tuple[Data, Chain]]) -> Generator[float, None, list[tuple[Data, Chain]]]:
     """Fit chains again with a straight piece wherever a bend meets another one or an end, but not at kinks.
 
     Of a kink and a straight piece that both are shorter than the spacing, no point shows which one turns.

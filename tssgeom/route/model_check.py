@@ -20,28 +20,12 @@ from tssgeom.core.constants_arcs import CHAIN_MOVES
 from tssgeom.core.constants_route import PASSES
 from tssgeom.errors import FitError
 from tssgeom.route.arcs.chain import Chain, Data, fit_fixed_pieces
-from tssgeom.route.arcs.moves import (
-    finer_tried,
-    fit_chain_in_steps,
-    simpler_tried,
-    work_of_promises,
-)
+from tssgeom.route.arcs.moves import finer_tried, fit_chain_in_steps, simpler_tried, work_of_promises
 from tssgeom.route.error_posterior import NO_POSTERIOR, ErrorPosterior
 from tssgeom.route.fibre.noise import LastNoise
-from tssgeom.route.geometry import (
-    chain_data,
-    chain_fit,
-    first_chain,
-    spline_fit,
-    with_few_points_variance,
-)
+from tssgeom.route.geometry import chain_data, chain_fit, first_chain, spline_fit, with_few_points_variance
 from tssgeom.route.model_average import added_in_steps
-from tssgeom.route.model_choice import (
-    CHOICE,
-    chain_evidence,
-    evidence_difference,
-    preference,
-)
+from tssgeom.route.model_choice import CHOICE, chain_evidence, evidence_difference, preference
 from tssgeom.route.observations import Shape, are_few
 from tssgeom.route.resolution import NO_ERRORS, SharedErrors
 from tssgeom.route.route_fit import RouteFit

@@ -21,14 +21,7 @@ from tssgeom.route.observations import NOISE_PRIOR, Shape, are_few, noise_price,
 from tssgeom.route.pieces import smooth_geometry
 from tssgeom.route.route import step_lengths
 from tssgeom.route.spline.fit import fit
-from tssgeom.route.spline.problem import (
-    LastPass,
-    Problem,
-    Solution,
-    before_pass,
-    next_pass,
-    scaled_variance,
-)
+from tssgeom.route.spline.problem import LastPass, Problem, Solution, before_pass, next_pass, scaled_variance
 from tssgeom.route.spline.spline import Spline, spline_of
 
 

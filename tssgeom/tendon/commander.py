@@ -216,12 +216,7 @@ class Commander:
         return (tension_out - (target.tension_out or 0.0)) / stiffness
 
     def _near_enough(
-        self,
-        before: TendonState,
-        held: TendonState,
-        at: Step,
-        target: Target,
-        measured: Measured,
+        self, before: TendonState, held: TendonState, at: Step, target: Target, measured: Measured
     ) -> bool:
         """Whether a drive that is held inside the dead zone may stay there; docs/model.md (215)."""
         ends, rig = transmit(held, self.rig), self.rig

@@ -20,12 +20,7 @@ from tssgeom.tendon.command_error import Step
 from tssgeom.tendon.commander import Commander, Target, commander_of
 from tssgeom.tendon.moving import MovingRoute
 from tssgeom.tendon.sensor_errors import readings, sensors_err, true_tension
-from tssgeom.tendon.state import (
-    TendonState,
-    pretensioned,
-    step,
-    transmit,
-)
+from tssgeom.tendon.state import TendonState, pretensioned, step, transmit
 from tssgeom.tendon.transmission import Transmission
 
 Phase = Literal["pull", "pull_to_release", "release", "release_to_pull", "hold"]

@@ -36,10 +36,7 @@ def end_names(
     unit = np.column_stack([np.cos(turns), np.sin(turns)])
     reach = np.min((half + CLEAR) / np.maximum(np.abs(unit), 1e-9), axis=1)
     chosen = list[Vector]()
-    for end, before, opposite in (
-        (line[0], line[inner], line[-1]),
-        (line[-1], line[-1 - inner], line[0]),
-    ):
+    for end, before, opposite in ((line[0], line[inner], line[-1]), (line[-1], line[-1 - inner], line[0])):
         outward = (end - before) / max(float(np.linalg.norm(end - before)), 1e-300)
         middles = np.concatenate([end + unit * (reach + d)[:, None] for d in _DISTANCES])
         covered = (np.abs(middles[:, None] - line) < half + CLEAR).all(axis=2).sum(axis=1)

@@ -200,9 +200,5 @@ def _from_one(camera: Camera, view_set: ViewSet, which: np.ndarray, alone: Alone
     good = np.asarray(np.isfinite(points).all(axis=1))
     covariance[~good] = np.nan
     return Located(
-        points,
-        covariance,
-        np.where(good, 0.0, np.nan),
-        np.zeros(count),
-        np.where(good[:, None], which, -1),
+        points, covariance, np.where(good, 0.0, np.nan), np.zeros(count), np.where(good[:, None], which, -1)
     )

@@ -224,12 +224,7 @@ def write_vtp(path: Path, line: TensionLine, tube: trimesh.Trimesh) -> None:
 
 Writer: TypeAlias = "Callable[[Path, TensionLine, trimesh.Trimesh], None]"
 
-WRITERS: dict[str, Writer] = {
-    "mrk.json": write_curve,
-    "vtp": write_vtp,
-    "ply": write_ply,
-    "csv": write_table,
-}
+WRITERS: dict[str, Writer] = {"mrk.json": write_curve, "vtp": write_vtp, "ply": write_ply, "csv": write_table}
 """The writer of each ending."""
 
 

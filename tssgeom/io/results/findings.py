@@ -14,14 +14,7 @@ import tomli_w
 
 from tssgeom.atomic import write_text
 from tssgeom.effects import KINDS, chosen
-from tssgeom.identify.finding import (
-    Candidate,
-    Estimate,
-    Evidence,
-    Finding,
-    LawCurve,
-    Misfit,
-)
+from tssgeom.identify.finding import Candidate, Estimate, Evidence, Finding, LawCurve, Misfit
 from tssgeom.identify.mechanisms import MECHANISM_OF
 from tssgeom.identify.proposal import Proposal, ProposedRun
 from tssgeom.io.formats.joined_campaigns import PROPOSAL

@@ -24,14 +24,7 @@ from tssgeom.view.figures.plots import (
     note,
     titles,
 )
-from tssgeom.view.quantities import (
-    DISPLACEMENT_IN,
-    DISPLACEMENT_OUT,
-    TENSION_IN,
-    TENSION_OUT,
-    TIME,
-    Quantity,
-)
+from tssgeom.view.quantities import DISPLACEMENT_IN, DISPLACEMENT_OUT, TENSION_IN, TENSION_OUT, TIME, Quantity
 
 _ACROSS = "angle of the added curve β [°]"
 

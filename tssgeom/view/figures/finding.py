@@ -37,10 +37,7 @@ _MEASURED, _USUAL = 99.0, 80.0  # percentiles of residual and noise that its axi
 _SIGMAS = 2.0
 _MOST_TIMED = 8  # runs whose span of time is written; chosen: more would touch on 170 mm
 _RUNS = "runs, one after the other; each from its beginning to its end"
-_STYLES: Mapping[str, Any] = {
-    "before": {"color": ORANGE},
-    "after": {"color": BLUE},
-}
+_STYLES: Mapping[str, Any] = {"before": {"color": ORANGE}, "after": {"color": BLUE}}
 
 
 def judged(finding: Finding) -> Trace:

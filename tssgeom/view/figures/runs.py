@@ -10,15 +10,7 @@ from matplotlib.figure import Figure
 
 from tssgeom.arrays import Vector
 from tssgeom.view.figures.plots import BLUE, ORANGE, PAGE, figure, legend_below, measured, panels, titles
-from tssgeom.view.quantities import (
-    ANGLE,
-    ELONGATION,
-    TENSION_IN,
-    TENSION_OUT,
-    TIME,
-    Quantity,
-    quantity,
-)
+from tssgeom.view.quantities import ANGLE, ELONGATION, TENSION_IN, TENSION_OUT, TIME, Quantity, quantity
 from tssgeom.view.report.entry import Series, moments, strokes
 from tssgeom.view.samples import at_edge
 

@@ -187,12 +187,7 @@ _FEATURES = (
         se=lambda row: row["tension_out_se_N"],
         both_sides=True,
     ),
-    _Feature(
-        log_noise,
-        lambda rows: LIMITS.least_log_noise_sd,
-        "noise",
-        noise_text,
-    ),
+    _Feature(log_noise, lambda rows: LIMITS.least_log_noise_sd, "noise", noise_text),
     _Feature(
         lambda row: row["rejected"] / row["frames"],
         lambda rows: KIND_LIMITS.least_sd,

@@ -194,10 +194,7 @@ def row(entry: ReportEntry, *, linked: bool = True) -> str:
             (len(arcs.length), f"{len(arcs.length)}"),
             (ends.tension_in, f"{ends.tension_in:.2f}"),
             (ends.tension_out, _text(words.with_error(ends.tension_out, ends.tension_out_se, 2))),
-            (
-                ends.elongation,
-                _text(words.with_error(1e3 * ends.elongation, 1e3 * ends.elongation_se, 3)),
-            ),
+            (ends.elongation, _text(words.with_error(1e3 * ends.elongation, 1e3 * ends.elongation_se, 3))),
             (result.sensed_noise, html.escape(words.noise(result))),
             (len(entry.warnings), _warned(len(entry.warnings))),
             (entry.name, f'<a href="{quote(entry.recording)}">recording</a>' if entry.recording else "–"),

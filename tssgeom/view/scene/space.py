@@ -116,8 +116,7 @@ def send_route(sender: Sender, frames: Sequence[RouteSamples], top: float) -> No
     """Draw routes in the colours of their tension, the brightest for `top` [N]."""
     middles = np.concatenate([0.5 * (frame.tension[:-1] + frame.tension[1:]) for frame in frames])
     columns = rr.LineStrips3D.columns(
-        strips=segments_3d([frame.position for frame in frames]),
-        colors=colours.tension_rgba32(middles, top),
+        strips=segments_3d([frame.position for frame in frames]), colors=colours.tension_rgba32(middles, top)
     )
     sender.constant("route", rr.LineStrips3D.from_fields(radii=rr.Radius.ui_points(3.5)))
     sender.send("route", columns, [len(frame.s) - 1 for frame in frames])

@@ -12,12 +12,7 @@ import rerun.blueprint as rrb
 
 from tssgeom.arrays import Vector
 from tssgeom.view import colours
-from tssgeom.view.quantities import (
-    ELONGATION,
-    TENSION_IN,
-    TENSION_OUT,
-    TIMELINE,
-)
+from tssgeom.view.quantities import ELONGATION, TENSION_IN, TENSION_OUT, TIMELINE
 from tssgeom.view.samples import Ranges, ranges
 from tssgeom.view.scene.blueprint import chart, layout, plot, space_view
 from tssgeom.view.scene.camera import Camera
