@@ -27,8 +27,13 @@ class EvidenceScale:
     very_strong: float = 10.0
     """The same that a part of a model needs [1]; cited: odds of 150."""
     false_alarms: float = 0.01
-    """Share of sound runs, of clean campaigns or of readings that chance alone may take beyond a limit [1];
-    chosen: one in a hundred."""
+    """Share of sound runs, of clean campaigns or of readings that chance alone may take beyond a limit, and
+    probability below which something is ruled out [1]; chosen: one in a hundred."""
+
+    @property
+    def draws(self) -> int:
+        """Samples of a distribution: four are beyond that share, and its s.d. is known to 4 %."""
+        return round(4.0 / self.false_alarms)
 
 
 EVIDENCE_SCALE = EvidenceScale()

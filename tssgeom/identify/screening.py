@@ -34,8 +34,6 @@ class DetectionLimits:
 
     trial: float = 0.5
     """Of the typical size: size at which an effect is first tried [1]; chosen."""
-    draws: int = 400
-    """Clean campaigns that are sampled; chosen: 4 of them exceed the threshold."""
 
 
 DETECTION = DetectionLimits()
@@ -199,7 +197,7 @@ def threshold(problem: Problem, errors: Errors, screening: Screening, seed: int)
     plotted = problem.whitening.whitened(_clean(problem, errors, rng))
     frame, _ = np.linalg.qr(screening.base)
     plotted -= frame @ (frame.T @ plotted)
-    best = np.full(DETECTION.draws, -np.inf)
+    best = np.full(EVIDENCE_SCALE.draws, -np.inf)
     for test in screening.tests:
         length = float(np.linalg.norm(test.column))
         if length > 0.0:
@@ -213,13 +211,13 @@ def _clean(problem: Problem, errors: Errors, rng: np.random.Generator) -> Matrix
     """Residuals of clean campaigns [rows, draws] [N, m]; what the drive's noise adds to them lasts, (248)."""
     size = problem.stack.size
     plotted = np.array([0.0 if name.startswith("bend ") else 1.0 for name in errors.names])
-    weight = plotted[:, None] * rng.standard_normal((len(plotted), DETECTION.draws))
+    weight = plotted[:, None] * rng.standard_normal((len(plotted), EVIDENCE_SCALE.draws))
     out = errors.sigma[:, None] * (errors.modes @ weight)
-    out += errors.brief[:, None] * rng.standard_normal((size, DETECTION.draws))
+    out += errors.brief[:, None] * rng.standard_normal((size, EVIDENCE_SCALE.draws))
     samples = errors.lasting.shape[1]
     for run in range(len(problem.stack.readings)):
         rows = np.concatenate([np.r_[block.rows] for block in problem.stack.blocks if block.run == run])
-        weight = rng.standard_normal((samples, DETECTION.draws)) / math.sqrt(samples)
+        weight = rng.standard_normal((samples, EVIDENCE_SCALE.draws)) / math.sqrt(samples)
         out[rows] += errors.lasting[rows] @ weight
     for name in dict.fromkeys(block.channel for block in problem.stack.blocks):
         out += _bends(problem, name, rng)
@@ -229,14 +227,17 @@ def _clean(problem: Problem, errors: Errors, rng: np.random.Generator) -> Matrix
 def _bends(problem: Problem, channel: str, rng: np.random.Generator) -> Matrix:
     """Bends of one cell in each draw: a wave of any length and phase over the scale, as deep as specified."""
     sensor = problem.rig.sensors.get(channel, Sensor())
-    out = np.zeros((problem.stack.size, DETECTION.draws))
+    out = np.zeros((problem.stack.size, EVIDENCE_SCALE.draws))
     depth = sensor.nonlinearity * sensor.full_scale
     if depth == 0.0:
         return out
-    waves, phase = rng.uniform(0.5, 3.0, DETECTION.draws), rng.uniform(0.0, 2.0 * math.pi, DETECTION.draws)
+    waves, phase = (
+        rng.uniform(0.5, 3.0, EVIDENCE_SCALE.draws),
+        rng.uniform(0.0, 2.0 * math.pi, EVIDENCE_SCALE.draws),
+    )
     grid = np.linspace(0.0, 1.0, 101)[:, None]
     most = np.abs(_wave(grid, waves, phase)).max(axis=0)
-    sized = depth * rng.uniform(0.3, 1.0, DETECTION.draws) / most
+    sized = depth * rng.uniform(0.3, 1.0, EVIDENCE_SCALE.draws) / most
     for block in problem.stack.blocks:
         if block.channel == channel:
             part = np.clip(problem.stack.measured[block.rows] / sensor.full_scale, 0.0, 1.0)

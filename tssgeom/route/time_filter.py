@@ -20,7 +20,7 @@ from tssgeom.core.constants import CHANCE, ROUNDING
 from tssgeom.core.constants_route import OUTLIERS
 from tssgeom.route.directions import NOISE_PRIOR, listed
 from tssgeom.route.observations import MIN_POINTS
-from tssgeom.statistics import EVEN
+from tssgeom.statistics import EVEN, EVIDENCE_SCALE
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,9 +37,6 @@ class FilterLimits:
     constant_share: float = 0.2
     """Least share of a stated variance that counts as constant in time [1]. Chosen: what changes is known to
     some 10 % after a few frames."""
-    moves: float = 0.01
-    """Probability that it stands below which a route is taken to move [1]. Chosen: it takes frames to show
-    that it stands."""
     exchanged: float = 0.1
     """Squared distances of two points that are exchanged over those as they came [1]. Chosen."""
 
@@ -105,7 +102,7 @@ class PointFilter(NamedTuple):
             return None
         if self.standing > EVEN:
             return True
-        return None if self.standing > FILTER.moves else False
+        return None if self.standing > EVIDENCE_SCALE.false_alarms else False  # it takes frames to show
 
 
 def begun(points: Points, noise: float, time: float, cell: Vector | None = None) -> PointFilter | None:

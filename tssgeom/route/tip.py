@@ -16,6 +16,7 @@ from tssgeom.route.curvature import CurvatureProfile
 from tssgeom.route.pieces import Arcs
 from tssgeom.route.route import Route
 from tssgeom.route.route_fit import Nodes, RouteFit, available
+from tssgeom.statistics import EVIDENCE_SCALE
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,9 +35,6 @@ class TipPrior:
     def pieces(self) -> int:
         """Pieces of constant curvature that are reported: two for each wave."""
         return 2 * self.waves
-
-    draws: int = 400
-    """Draws from the posterior. Chosen: a standard error is then known to 4 %."""
 
 
 PRIOR = TipPrior()
@@ -87,10 +85,10 @@ def fit_tip(sensed: TipReadings) -> RouteFit:
         )
     mean, covariance = _posterior(sensed)
     root = np.linalg.cholesky(covariance)
-    draws = mean + np.random.default_rng(0).standard_normal((PRIOR.draws, len(mean))) @ root.T
+    draws = mean + np.random.default_rng(0).standard_normal((EVIDENCE_SCALE.draws, len(mean))) @ root.T
     # routes with the fewest waves are the commonest: the likeliest one counts as much as all others
     turn, length = _turns(draws), sensed.length + sensed.length_noise * draws[:, -1]
-    turn = np.vstack((turn, np.tile(_turns(mean[None]), (PRIOR.draws, 1))))
+    turn = np.vstack((turn, np.tile(_turns(mean[None]), (EVIDENCE_SCALE.draws, 1))))
     length = np.tile(length, 2)
     per_piece = turn.reshape(len(turn), PRIOR.pieces, -1).sum(axis=2)
     lengths = np.repeat(length[:, None] / PRIOR.pieces, PRIOR.pieces, axis=1)

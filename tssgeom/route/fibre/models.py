@@ -17,14 +17,13 @@ import numpy as np
 from tssgeom import core
 from tssgeom.arrays import Points, Vector
 from tssgeom.core.constants import ROUNDING
+from tssgeom.statistics import EVEN
 
 
 @dataclass(frozen=True, slots=True)
 class FibrePrior:
     """Prior of the curvature of a fibre; docs/model.md (36), (37), (240)."""
 
-    straight: float = 0.5
-    """Probability that a piece is straight; half of the others are smooth [1]. Chosen."""
     pieces: float = 4.0
     """Pieces on a fibre, of which a piece as long as it is one of this number and one [1]. Chosen."""
     constant_sizes: tuple[float, ...] = (2.5, 0.5, 0.1)
@@ -110,8 +109,8 @@ def kinds_of(sensed: Sensed, *, smooth: bool = True, pieces: bool = True) -> Kin
     scale: Vector = sensed.length * PRIOR.scale_ratio**-steps
     variance = [0.0] + [size**2 for size in PRIOR.constant_sizes]
     constant = len(PRIOR.constant_sizes)
-    curved = (1.0 - PRIOR.straight) / 2.0
-    kinds = [Kinds(np.array(variance), np.zeros(constant + 1), _shares(PRIOR.straight, curved, constant))]
+    curved = (1.0 - EVEN) / 2.0  # a piece is straight or not, and if not smooth or not, each as likely as not
+    kinds = [Kinds(np.array(variance), np.zeros(constant + 1), _shares(EVEN, curved, constant))]
     kinds = kinds if pieces else []
     if smooth:
         size, decay = (each.ravel() for each in np.meshgrid(PRIOR.smooth_sizes, math.sqrt(7.0) / scale))
