@@ -83,6 +83,7 @@ def test_friction_that_is_uneven_along_the_sheath_is_learnt(result, campaign):
         for side in (finding.misfit.before, finding.misfit.after)
     )
     assert after < 0.35 * before
+    assert one.evidence.heldout_ratio == pytest.approx(after / before, abs=0.1)  # that of the drive as fitted
     assert finding.rig.effects == one.effects
     assert "no formula of the library" in finding.sentence
     assert "closes" in finding.sentence

@@ -58,6 +58,20 @@ def test_one_side_of_a_turn_may_have_too_few_samples_for_a_slope():
     np.testing.assert_allclose(values, true[9 : 9 + len(values)], atol=0.1 * NOISE)  # positions of the ends
 
 
+@pytest.mark.parametrize("powers", [(1, 1), (2, 2), (1, 2)])
+def test_a_rest_between_two_sides_is_fitted_with_both(powers):
+    sample = np.arange(45.0)
+    sides = (np.maximum(20.4 - sample, 0.0), np.maximum(sample - 25.7, 0.0))
+    shapes_of = {1: lambda side: 20e-6 * side, 2: lambda side: 4e-6 * side**2}
+    true = shapes_of[powers[0]](sides[0]) + shapes_of[powers[1]](sides[1])
+    rng = np.random.default_rng(12)
+    drives = true + NOISE * rng.standard_normal((20, 45))
+    shapes = [shape for drive in drives if (shape := fitted_turn(sample, drive, 22, (0, 44), NOISE))]
+    assert len(shapes) > 17  # few are refused by chance
+    errors = [np.mean((values - true[start : start + len(values)]) ** 2) for start, values in shapes]
+    assert np.sqrt(np.mean(errors)) < NOISE  # that of each reading alone
+
+
 @pytest.mark.parametrize("backwards", [False, True])
 def test_a_rest_at_an_end_of_a_run_follows_none_of_its_noise(backwards):
     sample = np.arange(60.0)

@@ -19,7 +19,7 @@ def misfit(before: float, after: float) -> Misfit:
 def words(verdict, before: float, after: float) -> str:
     finding = worked_finding()
     effects = finding.effects if verdict == "effect" else ()
-    judged = Judgement(verdict, "", bent=False, held_ratio=after / before)
+    judged = Judgement(verdict, "", bent=False)
     return sentence(judged, effects, finding.base, (), misfit(before, after))
 
 

@@ -15,17 +15,16 @@ from tssgeom.identify.finding import Candidate, Evidence, LawCurve
 from tssgeom.identify.law_fit import LawFit
 from tssgeom.identify.law_search import LawSearch, Offer, as_fit, needed
 from tssgeom.identify.mechanisms import finer
+from tssgeom.identify.misfit import HeldOut
 from tssgeom.identify.screening import detection_limits, size_over_limit
 from tssgeom.identify.selection import name_of
 from tssgeom.statistics import NORMAL_95
 
 
-def law_candidates(search: LawSearch, held_ratio: float) -> tuple[Candidate, ...]:
-    """Return the parts that were taken, each with the evidence that it adds to the others, the best first.
-
-    `held_ratio` is what all together leave of the held-out misfit [1].
-    """
+def law_candidates(search: LawSearch, held: HeldOut | None) -> tuple[Candidate, ...]:
+    """Return the parts that were taken, each with the evidence that it adds to the others, the best first."""
     fit = search.fit
+    held_ratio = math.nan if held is None else held.ratio(fit.point)  # of all together
     named = [_formula(search, held_ratio, which) for which in range(len(fit.at.effects))]
     laws = [_law(search, held_ratio, which) for which in range(len(fit.terms))]
     return tuple(sorted([*named, *laws], key=lambda one: -one.evidence.total))

@@ -156,13 +156,13 @@ class MachineWork:
         learnt = any(one.law is not None for one in effects)
         name: Verdict = "tie" if close else "law" if learnt else "effect"
         if effects:
-            return Judgement(name, "", False, math.nan)
+            return Judgement(name, "", False)
         if left <= CHANCE.clear:
-            return Judgement("none", "", False, math.nan)
+            return Judgement("none", "", False)
         refused = [one for one in self.chosen.steps[0].tried if one.evidence > EVIDENCE_SCALE.very_strong]
         why = f"; of {refused[0].part.label}: {refused[0].why_not.rstrip('.')}" if refused else ""
         reason = f"{times(left)} the noise of the channels is left, and no part that may act explains it{why}"
-        return Judgement("unknown", reason, False, math.nan)
+        return Judgement("unknown", reason, False)
 
     def _parts(self, after: MachineCalibration) -> Iterator[Candidate]:
         model = self.chosen.model

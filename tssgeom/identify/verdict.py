@@ -74,43 +74,39 @@ class Judgement:
     """Why unknown, or what remains, in words; else empty."""
     bent: bool
     """Whether it is unknown only since a load cell is bent beyond its specification."""
-    held_ratio: float
-    """[1]; NaN without held-out runs or misfit."""
 
 
 def judged(
     first: tuple[Problem, Fit], chosen: Selection, names: tuple[str, ...], held: HeldOut | None
 ) -> Judgement:
     """Say what the selection amounts to; docs/model.md (113), (114)."""
-    ratio = math.nan if held is None else held.ratio(chosen.fit.at)
     before, after = left_by(*first, held), left_by(chosen.problem, chosen.fit, held)
     reason = why_unknown([name_of(effect) for effect in chosen.fit.at.effects], before, after)
     if not reason and not chosen.fit.at.effects and held is not None and not held.explained(first[1].at):
         reason = f"{after[-1]:.2g} {_LIMIT} is left on the runs that were not fitted"
     bent = "" if reason else _bent(chosen, names)
     if reason or bent:
-        return Judgement("unknown", reason or bent, bool(bent), ratio)
+        return Judgement("unknown", reason or bent, bool(bent))
     if not chosen.fit.at.effects:
-        return Judgement("none", "", False, ratio)
+        return Judgement("none", "", False)
     named = {name_of(effect) for effect in chosen.fit.at.effects}
     tied = any(
         now.tried and now.tried[0].name in named and {one.name for one in close_candidates(now)} - named
         for now in chosen.steps
     )
-    return Judgement("tie" if tied else "effect", "", False, ratio)
+    return Judgement("tie" if tied else "effect", "", False)
 
 
 def judged_laws(problem: Problem, base: Fit, fit: LawFit, held: HeldOut | None) -> Judgement:
     """Say what laws and formulae together amount to; docs/model.md (191)."""
     point = fit.point
-    ratio = math.nan if held is None else held.ratio(point)
     after = left_by(problem, Fit(point, fit.chi2, fit.residual, fit.jacobian, fit.left), held)
     parts = [name_of(effect) for effect in fit.at.effects] + [term.mechanism.name for term in fit.terms]
     reason = why_unknown(parts, left_by(problem, base, held), after)
     if reason:
-        return Judgement("unknown", reason, False, ratio)
+        return Judgement("unknown", reason, False)
     remains = f"{after[0]:.2g} {_LIMIT}" if after[0] > VERDICT.left else ""
-    return Judgement("law" if fit.terms else "partial" if remains else "effect", remains, False, ratio)
+    return Judgement("law" if fit.terms else "partial" if remains else "effect", remains, False)
 
 
 _LIMIT = "times the detection limit of the sensors"

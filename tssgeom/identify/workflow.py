@@ -220,7 +220,7 @@ def _finding(campaign: Campaign, started: _Started, work: Work, attribution: Att
     fit = work.base if unknown else chosen.fit if work.laws is None else as_fit(work.laws.fit)
     effects = () if unknown else chosen_effects(work)
     if work.laws is not None:
-        effects = law_candidates(work.laws, verdict.held_ratio)
+        effects = law_candidates(work.laws, work.held)
     all_traces = traces(runs, campaign.rig, work.base.at, fit.at)
     base_words, of_base = base_ties(fit, campaign.rig)
     tied = [*(ties_of(chosen) if work.laws is None else ()), *of_base]
