@@ -35,6 +35,15 @@ def test_what_is_no_file_is_not_replaced(still: list[FrameResult], still_file: P
     assert list(tmp_path.iterdir()) == [pipe]
 
 
+def test_a_recording_that_is_removed_while_it_grows_is_reported_as_such(tmp_path: Path) -> None:
+    file = GrowingFile(tmp_path / "run.rrd")
+    file.write()
+    (tmp_path / ".run.part.rrd").unlink()
+    with pytest.raises(SourceError, match=r"run\.rrd: the recording ends here.*leave the hidden file"):
+        file.finish()
+    assert not list(tmp_path.iterdir())
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="counts the threads of the process")
 def test_recordings_that_are_written_keep_no_thread(still: list[FrameResult], tmp_path: Path) -> None:
     counts = list[int]()

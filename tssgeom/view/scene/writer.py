@@ -169,17 +169,27 @@ class GrowingFile:
         self.optimize()
 
     def close(self) -> None:
-        """Write the rest and give the file its name; raises SourceError where the disk refuses."""
+        """Write the rest and give the file its name.
+
+        Raises SourceError where the disk refuses, or the file was removed.
+        """
         try:
             self.write()
         finally:
             with suppress(OSError):
                 os.fsync(self._file.fileno())
             self._file.close()
+            self._name()
+
+    def _name(self) -> None:
+        """Give the file its name; without content it is removed."""
+        try:
             if self._size:
                 os.replace(self._part, self._path)
             else:
                 self._part.unlink(missing_ok=True)
+        except OSError as error:
+            raise self._unwritten(error) from error
 
     def optimize(self) -> None:
         """Join the many small pieces and add a table of contents; a failure leaves the file as it is."""
@@ -206,8 +216,9 @@ class GrowingFile:
             self._size += written
 
     def _unwritten(self, error: OSError) -> SourceError:
-        what = error.strerror or str(error)
-        return SourceError(f"{self._path}: the recording ends here, it cannot be written ({what}): make room")
+        what, gone = error.strerror or str(error), isinstance(error, FileNotFoundError)
+        hint = "leave the hidden file in which it grows" if gone else "make room"
+        return SourceError(f"{self._path}: the recording ends here, it cannot be written ({what}): {hint}")
 
 
 def logged(data: bytes) -> bytes:
