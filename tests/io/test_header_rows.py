@@ -9,6 +9,7 @@ import pytest
 from tssgeom.errors import ShapeError
 from tssgeom.io.formats.files import open_recording
 from tssgeom.io.formats.recording import Recording
+from tssgeom.io.formats.runs import read_run
 from tssgeom.stream import Frame
 
 POINTS = np.array([[[10.0 * k + f, k * k + 1, 5 - f] for k in range(5)] for f in range(3)])
@@ -266,3 +267,11 @@ def test_words_of_a_comment_that_state_no_length_are_no_unit(tmp_path, comment):
     path = written(tmp_path / "a.csv", [comment, "x,y,z"], [",".join(row) for row in cells(POINTS[:, :1])])
     (frame,) = frames_of(open_recording(path, unit="mm"))
     np.testing.assert_allclose(frame.points, POINTS[:, 0] / 1000.0)
+
+
+def test_a_note_counts_the_lines_before_a_table_and_not_its_comments(tmp_path):
+    table = ["time_s,tension_in_N,tension_out_N", "0,1,2", "1,2,3"]
+    commented = written(tmp_path / "a.csv", ["# a comment", "# another"], table)
+    assert read_run(commented).notes == ()
+    below = written(tmp_path / "b.csv", ["Rig of the second floor", "cold", "# a comment"], table)
+    assert read_run(below).notes == ("2 lines before the table are not read",)
