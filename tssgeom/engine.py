@@ -291,8 +291,9 @@ def _pulled(
     """Do as `stream.pulled`, but return what cannot be used as rejected."""
     if isinstance(sensed, Rejected):
         return sensed
-    more = (tension_in, sensed, commander, follower)
-    return _attempt(seq, frame, pulled, seq, frame, state, rig, *more)
+    if follower is not None:
+        follower.catch_up()
+    return _attempt(seq, frame, pulled, seq, frame, state, rig, tension_in, sensed, commander, follower)
 
 
 def _attempt(seq: int, frame: Frame, call: Callable[..., _Result], *arguments: object) -> _Result | Rejected:

@@ -63,6 +63,21 @@ def test_drifting_friction_is_followed_within_its_bars(scenario):
     assert result.alert is None
 
 
+@pytest.mark.parametrize("idle", [False, True])
+def test_an_alert_is_explained_whether_or_not_the_engine_idles_and_no_more_readings_are_kept(scenario, idle):
+    follower = Follower(rig_of(scenario.machine))
+    engine, kept = Engine(follower.rig, tension_in=5.0, follower=follower), list[int]()
+    for i, frame in enumerate(sensed(scenario, 2000)):
+        assert frame.tension_in is not None
+        engine.push(replace(frame, tension_in=frame.tension_in + (1.0 if i > 400 else 0.0)))
+        kept.append(len(follower._moments))
+        if idle:
+            engine.idle()
+    assert follower.alert is not None
+    assert follower.alert.explanations
+    assert kept[-1] < 800  # 15 s at 25 Hz, and those of the last comparison
+
+
 def test_commands_come_from_the_followed_tendon_and_know_the_filters_spread(scenario):
     rig = rig_of(scenario.machine)
     follower = Follower(rig)

@@ -3,7 +3,8 @@
 A frame of 100 Hz follows the answer to the last one. Meanwhile clients come, go and stay, frames are
 rejected, the route moves and leaps, and state and recording are kept. Memory of the stream and of the
 processes beside it, open files, threads and kept files are sampled; the slope of each over the frames of the
-second half says what a day adds. Few frames decide nothing: what is bounded fills up first.
+second half says what a day adds. Few frames decide nothing: what is bounded fills up first. One step to a new
+high-water mark of the allocator counts as a slope too: what grows goes on to grow in a longer run.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ _MOST = {"memory": 64.0, "memory beside": 64.0, "open files": 16.0, "threads": 4
 _POINTS, _CYCLE = 16, 6.0  # of a frame; s after which sway and pull are as at first
 _EVERY, _FIRST = 100, 20  # frames from one event to the next, and while the stream is new
 _NEW = 10_000  # frames; chosen: all senders whose clocks are kept have come then
-_LEAST = 50_000  # frames of which a slope is taken; chosen: one step of the allocator is no slope then
+_LEAST = 100_000  # frames of which a slope is taken; chosen: fewer are a matter of single steps
 _GUESTS = 4  # clients that stay beside the sender
 _WARM, _BLOCKS = 0.5, 8  # share of the frames that is not counted; blocks of the rest
 _KEPT = 2  # recordings that the user keeps

@@ -73,6 +73,8 @@ class Follower:
         self._work: Iterator[tuple[Explanation, ...] | None] | None = None
         self._next: Iterator[Ensemble | None] | None = None
         self._coldest = math.nan
+        self._worked = True
+        """Whether work was done since the last frame."""
         self.carried = self._kind.carried()
         """The mean tendon, or machine, and its rig, as streams carry them."""
         self.known: FollowedRig | None = None
@@ -161,6 +163,7 @@ class Follower:
             self._moments.pop()
             raise
         self._compare(self.known, time)
+        self._worked = False
         return self.known
 
     def kept(self) -> Ensemble | None:
@@ -172,8 +175,14 @@ class Follower:
         self._filter = kept
         self._moments.pop()
 
+    def catch_up(self) -> None:
+        """Do a slice of the work before a frame where none was done after the last: readings wait for it."""
+        if not self._worked:
+            self.work()
+
     def work(self) -> None:
         """Do a slice of the work that no frame waits for."""
+        self._worked = True
         if self._next is not None:
             following = next(self._next)
             if following is not None:
