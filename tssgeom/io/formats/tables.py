@@ -242,7 +242,7 @@ def slow_columns(
                 )
         rows.append([np.nan if number is None else number for number in numbers])
         numbers_of_lines.append(line)
-    by_column = np.array(rows, dtype=np.float64).reshape(-1, len(wanted)).T
+    by_column = np.array(rows, dtype=np.float64).reshape(len(rows), len(wanted)).T
     return dict(zip(wanted, by_column, strict=True)), np.array(numbers_of_lines, dtype=np.int64), faults
 
 
