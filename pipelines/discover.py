@@ -45,7 +45,7 @@ def discover(
             "--propose",
             metavar="N",
             min=1,
-            help="Design the next N runs, into OUT/proposed: drives and outcomes. Of one tendon alone.",
+            help="Design the next N runs, into OUT/proposed: drives and outcomes.",
         ),
     ] = None,
     limits: Annotated[
@@ -63,7 +63,7 @@ def discover(
             "--with",
             metavar="FOLDER",
             help="Folder of new measured runs, added to the campaign's: named as those proposed, or listed "
-            "in a campaign.toml with their shapes; may be repeated. Of one tendon alone.",
+            "in a campaign.toml with their shapes, as those of a machine are; may be repeated.",
         ),
     ] = None,
     as_json: Json = False,
@@ -114,7 +114,6 @@ def _identified(
 
     `how` is the seed, folders of new runs, and what is to be designed.
     """
-    from tssgeom.errors import SettingsError
     from tssgeom.io.formats.machine_campaigns import (
         is_machine_campaign,
         read_machine_campaign,
@@ -125,12 +124,10 @@ def _identified(
     if is_machine_campaign(campaign, said):
         from tssgeom.identify.machine_discovery import discover_machine
 
-        if design:
-            raise SettingsError(f"--propose takes campaigns of one tendon: {campaign} is of a machine")
         machine = read_machine_campaign(campaign, unit, said)
         for folder in more:
             machine = with_machine_runs(machine, folder, unit, said)
-        return discover_machine(machine, progress=report)
+        return discover_machine(machine, progress=report, propose=design, seed=seed)
     from tssgeom.identify import workflow
     from tssgeom.io.formats.campaigns import read_campaign
 

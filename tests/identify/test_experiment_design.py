@@ -18,11 +18,12 @@ from tssgeom.identify.expected_evidence import (
     predicted,
     size_over_limits,
 )
-from tssgeom.identify.experiment_design import _amount, proposed
+from tssgeom.identify.experiment_design import proposed
 from tssgeom.identify.experiment_search import EFFORT
 from tssgeom.identify.fit import Problem, refined
 from tssgeom.identify.prediction import run_channels, stacked
 from tssgeom.identify.proposal import Asked
+from tssgeom.identify.proposal_words import amount
 from tssgeom.identify.readings import readings
 from tssgeom.identify.run_limits import limits_of
 from tssgeom.identify.screening import size_over_limit
@@ -157,5 +158,5 @@ def test_held_out_runs_stay_when_runs_are_read_as_decided(campaign):
 
 
 def test_of_the_gains_over_several_models_the_least_is_stated():
-    assert _amount({1: 300.0, 2: 12.4}) == "12 or more"
-    assert _amount({1: 2000.0, 2: 3000.0}) == "more than 1000"
+    assert amount({1: 300.0, 2: 12.4}) == "12 or more"
+    assert amount({1: 2000.0, 2: 3000.0}) == "more than 1000"

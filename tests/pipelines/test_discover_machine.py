@@ -107,10 +107,17 @@ def test_new_runs_of_a_machine_are_added_and_what_is_held_out_stays(results, tmp
     assert with_machine_runs(both, more).held_out == (f"{tmp_path.name}_run",)
 
 
-def test_a_command_takes_new_runs_of_a_machine_and_proposes_none(results, tmp_path, capsys):
+def test_a_command_takes_new_runs_of_a_machine_and_proposes_more(results, tmp_path, capsys):
     out = tmp_path / "out"
     assert command("discover", results, "--with", tmp_path / "none", "--out", out, "--quiet") == 2
     assert "none" in capsys.readouterr().err
-    assert command("discover", results, "--propose", "1", "--out", out, "--quiet") == 2
-    assert "--propose takes campaigns of one tendon" in capsys.readouterr().err
+    limits = ("--limits", "tension_N=1e-3")
+    assert command("discover", results, "--propose", "1", *limits, "--out", out, "--quiet") == 2
+    assert "limits forbid every run" in capsys.readouterr().err
     assert not out.exists()
+    assert command("discover", results, "--propose", "1", "--out", out, "--quiet") == 0
+    first, *rows = (out / "proposed" / "run_1.csv").read_text("utf-8").splitlines()
+    assert first == "time_s,motor_angle_rad"
+    assert len(rows) > 20
+    assert "expected" in (out / "proposed" / "proposal.toml").read_text("utf-8")
+    assert "run_1" in (out / "report.html").read_text("utf-8")

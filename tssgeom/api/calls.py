@@ -287,7 +287,7 @@ def discover(
     progress
         Is called with each step and the share that is done [1].
     propose
-        How many experiments to design, and within which limits; left out, none. Not for a machine.
+        How many experiments to design, and within which limits; left out, none.
     unit
         Unit of length, "mm" or "m", of files of shapes that state none.
 
@@ -327,7 +327,6 @@ def discover(
         return workflow.discover(read, seed=seed, progress=progress, propose=propose)
     from tssgeom.identify.machine_discovery import discover_machine
 
-    if propose is not None:
-        raise SettingsError(f"propose takes campaigns of one tendon: {campaign} is of a machine")
     report = progress or cast("Callable[[str, float], object]", lambda step, share: None)
-    return discover_machine(read_machine_campaign(folder, unit), progress=report)
+    machine = read_machine_campaign(folder, unit)
+    return discover_machine(machine, progress=report, propose=propose, seed=seed)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 
@@ -52,14 +53,34 @@ class CandidateModel:
     """Whether a run may show it: of the base model, which the others hold, no run shows that it is true."""
 
 
+class Compared(Protocol):
+    """What a model of a tendon and one of a machine have, each by its own numbers."""
+
+    @property
+    def name(self) -> str:
+        """Of its effects; `base` where it has none."""
+        ...
+
+    @property
+    def information(self) -> Matrix:
+        """[size, size] Of its numbers, from the runs and the priors."""
+        ...
+
+    @property
+    def may_be_true(self) -> bool:
+        """As of a `CandidateModel`."""
+        ...
+
+
+AnyCompared = TypeVar("AnyCompared", bound=Compared)
 BASE = "base"
 
 
 @dataclass(frozen=True, slots=True)
-class Left:
+class Left(Generic[AnyCompared]):
     """What the runs leave."""
 
-    models: tuple[CandidateModel, ...]
+    models: tuple[AnyCompared, ...]
     """The best first; one where nothing is left to separate."""
     needed: float
     """ΔBIC that a run has to add to decide [1]."""
@@ -67,7 +88,7 @@ class Left:
     """Detection limits by channel [N, m]; an effect has to exceed one to be separated from the base model."""
 
 
-def left_by(work: Work) -> Left:
+def left_by(work: Work) -> Left[CandidateModel]:
     """Return the models that the runs of a campaign leave."""
     first, problem = work.chosen.steps[0], work.chosen.problem
     limits = detection_limits(problem.stack, problem.rig)

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tssgeom.arrays import Matrix, Vector
-from tssgeom.identify.candidate_models import CandidateModel
+from tssgeom.identify.candidate_models import CandidateModel, Compared
 from tssgeom.identify.fit import Problem, columns, unshared, whitening
 from tssgeom.identify.prediction import errors_of, run_channels, stacked
 from tssgeom.identify.readings import Reading
@@ -70,6 +70,7 @@ class Information:
     """What some runs are expected to add, linear about each model."""
 
     runs: tuple[Predicted, ...]
+    """Of one tendon."""
     normal: tuple[Matrix, ...]
     """[models] JᵀJ of each, [size, size]."""
     slope: Mapping[tuple[int, int], Vector]
@@ -101,7 +102,7 @@ def information_of(run: Predicted, models: Sequence[CandidateModel]) -> Informat
     return Information((run,), tuple(normal), slope, square)
 
 
-def expected_delta_bic(added: Information, models: Sequence[CandidateModel]) -> dict[tuple[int, int], float]:
+def expected_delta_bic(added: Information, models: Sequence[Compared]) -> dict[tuple[int, int], float]:
     """Return by (i, j) how much worse model j is expected to fit the runs than i, if i is true; (117)."""
     out = {}
     for i, j in added.square:
@@ -110,7 +111,7 @@ def expected_delta_bic(added: Information, models: Sequence[CandidateModel]) -> 
     return out
 
 
-def step_of(added: Information, models: Sequence[CandidateModel], pair: tuple[int, int]) -> Vector:
+def step_of(added: Information, models: Sequence[Compared], pair: tuple[int, int]) -> Vector:
     """Return how far the second model of a pair moves when it is refitted to runs of the first [size]."""
     j = pair[1]
     step = np.linalg.solve(added.normal[j] + models[j].information, added.slope[pair])
@@ -124,14 +125,14 @@ def difference(run: Predicted, pair: tuple[int, int], step: Vector) -> Vector:
 
 
 def size_over_limits(
-    added: Information, models: Sequence[CandidateModel], pair: tuple[int, int], limits: Mapping[str, float]
+    added: Information, models: Sequence[Compared], pair: tuple[int, int], limits: Mapping[str, float]
 ) -> float:
     """Return the largest difference of a pair in any run over its detection limit [1]; (111)."""
     step = step_of(added, models, pair)
     return max(size_over_limit(run.problem.stack, difference(run, pair, step), limits) for run in added.runs)
 
 
-def shrink(added: Information, model: CandidateModel, j: int, which: int) -> float:
+def shrink(added: Information, model: Compared, j: int, which: int) -> float:
     """Return the expected standard error of one number over that of now [1]."""
     before = np.linalg.inv(model.information)[which, which]
     after = np.linalg.inv(model.information + added.normal[j])[which, which]

@@ -6,7 +6,7 @@ Source: docs/discovery.md, "Designed experiments"; docs/model.md (117).
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -16,9 +16,10 @@ from tssgeom.identify.candidate_models import CandidateModel, left_by
 from tssgeom.identify.expected_evidence import Information, shrink
 from tssgeom.identify.experiment_routes import RouteChoice, other_routes, own_routes
 from tssgeom.identify.experiment_search import EFFORT, Designed, Goal, Search, best_run, in_the_way
-from tssgeom.identify.outcomes import contrasts, outcome, words_of
+from tssgeom.identify.outcomes import contrasts, outcome
 from tssgeom.identify.prediction import Errors, Stack, errors_of, total_sigma
-from tssgeom.identify.proposal import Asked, ExpectedEvidence, NarrowedInterval, Proposal, ProposedRun
+from tssgeom.identify.proposal import Asked, NarrowedInterval, Proposal, ProposedRun
+from tssgeom.identify.proposal_words import either, expected_of, sentence, why
 from tssgeom.identify.readings import Reading
 from tssgeom.identify.run_limits import KEYS, limits_of
 from tssgeom.identify.selection import name_of
@@ -26,9 +27,6 @@ from tssgeom.identify.verdict import parameter, plain
 from tssgeom.rig import Rig
 from tssgeom.statistics import NORMAL_95
 from tssgeom.threads import single_threaded
-
-_LARGE = 1000.0
-"""ΔBIC beyond which a larger one adds no evidence [1]; chosen."""
 
 
 def proposed(work: Work, runs: Sequence[Reading], rig: Rig, asked: Asked, seed: int) -> Proposal:
@@ -71,13 +69,14 @@ def _proposed(work: Work, runs: Sequence[Reading], rig: Rig, asked: Asked, seed:
         total = search.total(added)
         made.append(_run(f"run_{k + 1}", design, goal, total))
     assert total is not None
+    narrowed = None if goal.separates else _narrowed(goal, total)
     return Proposal(
-        _sentence(goal, total),
+        sentence(goal, total, narrowed),
         tuple(model.name for model in left.models),
         limits.values,
         limits.stated,
         tuple(made),
-        None if goal.separates else _narrowed(goal, total),
+        narrowed,
         _in_the_way(search, own, total, seed) if goal.separates else "",
     )
 
@@ -113,7 +112,7 @@ def _template(runs: Sequence[Reading]) -> Reading:
     )
 
 
-def _run(name: str, design: Designed, goal: Goal, total: Information) -> ProposedRun:
+def _run(name: str, design: Designed, goal: Goal[CandidateModel], total: Information) -> ProposedRun:
     run, models = design.run, goal.models
     stack = run.problem.stack
     errors: Errors = errors_of(stack, models[0].at.rig(run.problem.rig), models[0].at.effects)
@@ -136,9 +135,9 @@ def _run(name: str, design: Designed, goal: Goal, total: Information) -> Propose
         values=design.course.drive,
         corner_time=design.course.corner_time,
         corners=design.course.corner,
-        why=_why(goal, total),
+        why=why(goal, total, None if goal.separates else _narrowed(goal, total)),
         outcomes=tuple(words for _, words in outcomes),
-        expected=_expected(goal, total),
+        expected=expected_of(goal, total),
         channels={
             model.name: {channel: values[channel] for channel in measured}
             for model, values in zip(models, run.channels, strict=True)
@@ -157,61 +156,6 @@ def _signed(difference: Mapping[str, np.ndarray], true: int) -> dict[str, np.nda
     return {channel: values if true else -values for channel, values in difference.items()}
 
 
-def _expected(goal: Goal, total: Information) -> tuple[ExpectedEvidence, ...]:
-    if not goal.separates:
-        return ()
-    gains = goal.evidence(total)
-    return tuple(
-        ExpectedEvidence(goal.models[i].name, goal.models[j].name, gain) for (i, j), gain in gains.items()
-    )
-
-
-def _why(goal: Goal, total: Information) -> str:
-    if not goal.separates:
-        one = _narrowed(goal, total)
-        return f"narrows the interval of {one.name} to {100.0 * one.expected / one.half_width:.0f} %"
-    standing = goal.standing(total)
-    if not standing:
-        return f"separates {words_of(goal.models[0].name)} from {_others(goal)} best, though not for sure"
-    names = _either(goal, standing)
-    return f"is expected to show {names} if true, by {_amount(standing)} in BIC"
-
-
-def _amount(standing: Mapping[int, float]) -> str:
-    """Return the least of some ΔBIC in words; large ones are no exact numbers."""
-    least = min(standing.values())
-    return f"{least:.0f} or more" if least < _LARGE else f"more than {_LARGE:.0f}"
-
-
-def _either(goal: Goal, which: Iterable[int]) -> str:
-    return " or ".join(words_of(goal.models[i].name) for i in which)
-
-
-def _others(goal: Goal) -> str:
-    return ", ".join(words_of(model.name) for model in goal.models[1:])
-
-
-def _sentence(goal: Goal, total: Information) -> str:
-    if not goal.separates:
-        one = _narrowed(goal, total)
-        return (
-            f"Nothing is left to separate. The widest interval is that of {one.name}, "
-            f"{one.value:.4g} ± {one.half_width:.2g} {one.unit}".removesuffix(" 1")
-            + f"; the proposed runs are expected to narrow it to ± {one.expected:.2g}."
-        )
-    standing = goal.standing(total)
-    rest = [k for k, model in enumerate(goal.models) if model.may_be_true and k not in standing]
-    text = f"The runs so far leave {words_of(goal.models[0].name)} and {_others(goal)}."
-    if standing:
-        text += (
-            f" If {_either(goal, standing)} is true, the proposed runs are expected to show it, by "
-            f"{_amount(standing)} in BIC."
-        )
-    if rest:
-        text += f" If {_either(goal, rest)} is, they may not: too small, or too much like the others."
-    return text
-
-
 def _in_the_way(search: Search, own: Sequence[RouteChoice], total: Information, seed: int) -> str:
     """Return which limit stands against a decision; empty where the runs decide or none does."""
     goal = search.goal
@@ -222,7 +166,7 @@ def _in_the_way(search: Search, own: Sequence[RouteChoice], total: Information, 
         return ""
     key, value, standing = limit
     return (
-        f"With {key}={value:.3g} ({KEYS[key]}) one run is expected to show {_either(goal, standing)} if true."
+        f"With {key}={value:.3g} ({KEYS[key]}) one run is expected to show {either(goal, standing)} if true."
     )
 
 
@@ -238,7 +182,7 @@ def _widest(model: CandidateModel, stack: Stack) -> int:
     return int(np.argmax(relative))
 
 
-def _narrowed(goal: Goal, total: Information) -> NarrowedInterval:
+def _narrowed(goal: Goal[CandidateModel], total: Information) -> NarrowedInterval:
     """Return the interval that is narrowed, now and as expected."""
     model, k = goal.models[0], goal.which
     sd = math.sqrt(float(np.linalg.inv(model.information)[k, k]))

@@ -8,12 +8,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Generic
 
 import numpy as np
 
 from tssgeom.arrays import Vector
 from tssgeom.errors import SettingsError, TssgeomError
-from tssgeom.identify.candidate_models import CandidateModel, Left
+from tssgeom.identify.candidate_models import AnyCompared, CandidateModel, Left
 from tssgeom.identify.expected_evidence import (
     Information,
     Predicted,
@@ -72,15 +73,15 @@ class Designed:
 
 
 @dataclass(frozen=True, slots=True)
-class Goal:
+class Goal(Generic[AnyCompared]):
     """What runs are judged by: evidence between models; where there is one only, the width of one number."""
 
-    left: Left
+    left: Left[AnyCompared]
     which: int = 0
     """The number to be narrowed, where there is one model."""
 
     @property
-    def models(self) -> tuple[CandidateModel, ...]:
+    def models(self) -> tuple[AnyCompared, ...]:
         """What is left, the best first."""
         return self.left.models
 
@@ -99,7 +100,7 @@ class Goal:
         """Return the expected ΔBIC by pair, less where an effect stays below the detection limits."""
         gains = expected_delta_bic(added, self.models)
         for pair in gains:
-            if not self.models[pair[1]].may_be_true:
+            if added.runs and not self.models[pair[1]].may_be_true:
                 size = size_over_limits(added, self.models, pair, self.left.limits)
                 gains[pair] *= min((size / EFFORT.beyond) ** 2, 1.0)
                 if size <= 1.0:
@@ -133,7 +134,7 @@ class Search:
     template: Reading
     """A run with the channels and the temperature of the next."""
     rig: Rig
-    goal: Goal
+    goal: Goal[CandidateModel]
     limits: RunLimits
     before: Information | None
     """Of the runs that are already proposed."""

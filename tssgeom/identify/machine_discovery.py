@@ -16,6 +16,7 @@ import numpy as np
 from tssgeom.arrays import Vector
 from tssgeom.errors import SettingsError
 from tssgeom.identify.finding import Evidence, Finding
+from tssgeom.identify.machine_design import check_designable, proposed_of_machine
 from tssgeom.identify.machine_evidence import (
     FittedModel,
     changes,
@@ -42,6 +43,7 @@ from tssgeom.identify.machine_run import (
 from tssgeom.identify.machine_selection import PartSelection, selected_parts
 from tssgeom.identify.machine_sensor_errors import with_sensor_errors
 from tssgeom.identify.machine_straight import STRAIGHT, likelier, straight_fit
+from tssgeom.identify.proposal import Asked
 from tssgeom.identify.screening import stated_error
 from tssgeom.rig import Sensor
 from tssgeom.statistics import EVIDENCE_SCALE, NORMAL_95
@@ -54,7 +56,11 @@ _SPLIT = 2
 
 
 def discover_machine(
-    campaign: MachineCampaign, *, progress: Callable[[str, float], object] = lambda step, share: None
+    campaign: MachineCampaign,
+    *,
+    progress: Callable[[str, float], object] = lambda step, share: None,
+    propose: Asked | None = None,
+    seed: int = 0,
 ) -> Finding:
     """Find what the model of a machine lacks.
 
@@ -64,23 +70,32 @@ def discover_machine(
         Measured runs on their routes, and the nominal rig.
     progress
         Is called with each step and the share that is done [1].
+    propose
+        How many experiments to design, and within which limits; left out, none.
+    seed
+        Of these; the same seed gives the same experiments.
 
     Raises
     ------
     FitError
         Where the machine has no equilibrium at what is assumed of it.
     SettingsError
-        Where every run is held out.
+        Where every run is held out, or limits forbid every experiment.
 
     Notes
     -----
     Source: docs/model.md (196) to (198).
     """
     begun = time.perf_counter()
+    if propose is not None:
+        check_designable(campaign.runs, propose)
     with single_threaded():  # matrices are small
         work, notes = machine_work(campaign, progress)
         progress("putting it together", 0.9)
         finding = work.finding(notes)
+        if propose is not None:
+            progress("designing the next runs", 0.95)
+            finding = replace(finding, proposal=proposed_of_machine(work, propose, seed))
     progress("done", 1.0)
     return replace(finding, seconds=time.perf_counter() - begun)
 

@@ -102,7 +102,7 @@ class MachineWork:
         return {name: value for (key, name), value in pairs if key not in unknown}
 
     @property
-    def _taken(self) -> list[PartStep]:
+    def taken(self) -> list[PartStep]:
         """The steps whose part the model has in the end."""
         has = {part.label for part in self.chosen.model.parts}
         steps = ((step, step.chosen) for step in self.chosen.steps)
@@ -122,7 +122,7 @@ class MachineWork:
         base = dict(_base_numbers(after, model))
         effects = (*self._parts(after), *self._named_zeros(after))
         effects = tuple(sorted(effects, key=lambda one: -one.evidence.total))
-        close = [other.part for step in self._taken for other in step.tied]
+        close = [other.part for step in self.taken for other in step.tied]
         left = _left(misfit, "after")
         verdict = self._verdict(effects, close, left)
         text = sentence(verdict, effects, base, [part.label for part in close], misfit)
@@ -212,7 +212,7 @@ class MachineWork:
         return with_values(after.rig, zeros)
 
     def _ties(self) -> Iterator[Tie]:
-        for step in self._taken:
+        for step in self.taken:
             best = step.chosen
             if best is not None and step.tied:
                 names = (best.part.name, *(one.part.name for one in step.tied))

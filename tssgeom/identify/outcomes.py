@@ -15,18 +15,18 @@ import numpy as np
 from tssgeom.arrays import Vector
 from tssgeom.identify.candidate_models import BASE, CandidateModel
 from tssgeom.identify.expected_evidence import Information, Predicted, difference, step_of
-from tssgeom.identify.readings import UNITS
 from tssgeom.identify.verdict import plain
 from tssgeom.identify.waveform import Course
-from tssgeom.tendon.bars.sensors import Drive
 
-_FACTORS = {"N": (1.0, "N"), "m": (1e3, "mm")}
+_FACTORS = {"N": (1.0, "N"), "m": (1e3, "mm"), "rad": (1e3, "mrad"), "Nm": (1e3, "mN·m")}
 _SYMBOLS = {
     "tension_in_N": "T_in",
     "tension_out_N": "T_out",
     "elongation_m": "δ",
     "displacement_in_m": "x_in",
     "displacement_out_m": "x_out",
+    "motor_torque_Nm": "τ_m",
+    "joint_angle_rad": "θ_j",
 }
 _MIDDLE = 0.2  # share of a leg at each end that does not count; chosen: what follows a turn is less sure
 _CLEAR = 2.0  # standard deviations by which an outcome is evidence for a model; chosen
@@ -61,7 +61,7 @@ def words_of(name: str) -> str:
 
 
 def outcome(
-    contrast: Contrast, names: tuple[str, str], sigma: Mapping[str, Vector], course: Course, drive: Drive
+    contrast: Contrast, names: tuple[str, str], sigma: Mapping[str, Vector], course: Course, drive: str
 ) -> tuple[str, str]:
     """Return the channel in which two models differ most, and what each outcome means, a sentence.
 
@@ -77,7 +77,7 @@ def outcome(
         The drive, and which channel it is.
     """
     channel, (start, stop) = _clearest(contrast, sigma, course)
-    factor, unit = _FACTORS[UNITS[channel]]
+    factor, unit = _FACTORS[channel.rpartition("_")[2]]
     rows = _inner(course, start, stop)
     other = factor * float(np.mean(contrast.refitted[channel][rows]))
     true = other + factor * float(np.mean(contrast.difference[channel][rows]))
@@ -116,7 +116,7 @@ def _inner(course: Course, start: int, stop: int) -> np.ndarray:
     return rows
 
 
-def _leg(course: Course, start: int, stop: int, drive: Drive) -> str:
+def _leg(course: Course, start: int, stop: int, drive: str) -> str:
     """Return which leg or dwell it is, with its rate and its time."""
     factor, unit = _FACTORS[drive.rpartition("_")[2]]
     before, after = factor * course.corner[start], factor * course.corner[stop]
@@ -125,5 +125,5 @@ def _leg(course: Course, start: int, stop: int, drive: Drive) -> str:
     if before == after:
         return f"in the dwell at {after:.3g} {unit} {when}"
     rate = abs(after - before) / (end - begin)
-    way = "pull" if after > before else "release"
+    way = "turn" if drive.endswith("_rad") else "pull" if after > before else "release"
     return f"in the {way} to {after:.3g} {unit} at {rate:.2g} {unit}/s {when}"

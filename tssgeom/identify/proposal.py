@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 from tssgeom.arrays import Vector
 from tssgeom.route.pieces import Arcs
-from tssgeom.tendon.bars.sensors import Drive
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,26 +61,27 @@ class ProposedRun:
     """A run of the campaign on that route; of another route, on the one that it is made from."""
     new_route: Arcs | None
     """Pieces of another route; None on a route of the campaign."""
-    drive: Drive
+    drive: str
+    """Its channel."""
     time: Vector
     """[n] [s]."""
     values: Vector
-    """[n] The drive [m] or [N]."""
+    """[n] The drive [m], [N] or [rad]."""
     corner_time: Vector
     """[k] Ends of legs and dwells [s]."""
     corners: Vector
-    """[k] The drive there [m] or [N]."""
+    """[k] The drive there [m], [N] or [rad]."""
     why: str
     outcomes: tuple[str, ...]
     """What each outcome would mean, a sentence each."""
     expected: tuple[ExpectedEvidence, ...]
     """After this run and those before it; empty where there is nothing to separate."""
     channels: Mapping[str, Mapping[str, Vector]]
-    """[n] What each model predicts, by its name and channel [N, m]."""
+    """[n] What each model predicts, by its name and channel [SI]."""
     differences: Mapping[str, Mapping[str, Vector]]
-    """[n] The same less the first model refitted to it, by the names of the others [N, m]."""
+    """[n] The same less the first model refitted to it, by the names of the others [SI]."""
     sigma: Mapping[str, Vector]
-    """[n] Standard deviation of what the sensors may read off the truth, by channel [N, m]."""
+    """[n] Standard deviation of what the sensors may read off the truth, by channel [SI]."""
     clearest: str
     """The channel in which the models differ most."""
 

@@ -86,6 +86,19 @@ def limits_of(runs: Sequence[Reading], rig: Rig, at: Point, stated: Mapping[str,
     SettingsError
         Where a limit is unknown, no positive number, beyond that of the rig's drive, or forbids every run.
     """
+    reached = [_reached(run, rig, at) for run in runs]
+    interval = min(float(np.median(np.diff(run.time))) for run in runs)
+    return within_limits(reached, rig, stated, interval, max(len(run.time) for run in runs))
+
+
+def within_limits(
+    reached: Sequence[Mapping[str, float]],
+    rig: Rig,
+    stated: Mapping[str, float],
+    interval_s: float,
+    samples: int,
+) -> RunLimits:
+    """Return the limits of the next run from what each run reached, by `KEYS`; errors of `limits_of`."""
     for key, value in stated.items():
         if key not in KEYS:
             raise SettingsError(f"--limits {key}: no such limit: known are {', '.join(KEYS)}")
@@ -97,7 +110,6 @@ def limits_of(runs: Sequence[Reading], rig: Rig, at: Point, stated: Mapping[str,
             raise SettingsError(
                 f"--limits {key}={stated[key]:g} is beyond drive.limits, {bounds[key]:g}: give less"
             )
-    reached = [_reached(run, rig, at) for run in runs]
     scale = rig.sensors.get("tension_in_N", Sensor()).full_scale
     tension = max(each["tension_N"] for each in reached)
     default = {
@@ -110,8 +122,8 @@ def limits_of(runs: Sequence[Reading], rig: Rig, at: Point, stated: Mapping[str,
     default |= {key: min(default[key], most) for key, most in bounds.items()}
     limits = RunLimits(
         **{**default, **stated},
-        interval_s=min(float(np.median(np.diff(run.time))) for run in runs),
-        samples=max(len(run.time) for run in runs),
+        interval_s=interval_s,
+        samples=samples,
         stated=tuple(stated),
     )
     _check(limits, rig)

@@ -226,9 +226,9 @@ def write_proposal(folder: Path, proposal: Proposal, version: str) -> None:
 
 
 def _drive_file(run: ProposedRun) -> str:
-    """Return a drive as CSV: positions in mm, tensions in N."""
-    by_force = run.drive == "tension_in_N"
-    name, factor = (run.drive, 1.0) if by_force else ("displacement_in_mm", 1e3)
+    """Return a drive as CSV: positions in mm, tensions in N, angles in rad."""
+    moved = run.drive == "displacement_in_m"
+    name, factor = ("displacement_in_mm", 1e3) if moved else (run.drive, 1.0)
     rows = (f"{t:.6f},{factor * v:.6f}" for t, v in zip(run.time, run.values, strict=True))
     return "\n".join((f"time_s,{name}", *rows)) + "\n"
 

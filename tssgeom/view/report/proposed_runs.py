@@ -14,7 +14,7 @@ from tssgeom.identify.outcomes import words_of
 from tssgeom.identify.proposal import Proposal, ProposedRun
 from tssgeom.identify.run_limits import KEYS
 from tssgeom.view.figures.plots import BLUE, GREEN, INK, ORANGE, PAGE, PURPLE, figure, markup, titles
-from tssgeom.view.quantities import CHANNELS
+from tssgeom.view.quantities import quantity
 
 _COMMANDS = (
     "tssgeom simulate SHAPE --drive proposed/run_1.csv --rig rig.updated.toml --out simulated\n"
@@ -87,9 +87,9 @@ def proposal_figure(proposal: Proposal, run: ProposedRun) -> Figure:
         axes: Sequence[Axes] = drawing.subplots(rows, 1, sharex=True)
         _draw_drive(axes[0], run)
         for name, colour in zip(names, _COLOURS, strict=False):
-            values = CHANNELS[channel].factor * run.channels[name][channel]
+            values = quantity(channel).factor * run.channels[name][channel]
             axes[1].plot(run.time, values, color=colour, label=words_of(name), linewidth=1.2)
-        titles(axes[1], f"{CHANNELS[channel].words}, as each model predicts it", "", CHANNELS[channel].label)
+        titles(axes[1], f"{quantity(channel).words}, as each model predicts it", "", quantity(channel).label)
         if run.differences:
             _draw_differences(axes[2], run, names)
         axes[-1].set_xlabel("time [s]")
@@ -99,24 +99,24 @@ def proposal_figure(proposal: Proposal, run: ProposedRun) -> Figure:
 
 
 def _draw_drive(axes: Axes, run: ProposedRun) -> None:
-    quantity = CHANNELS[run.drive]
-    axes.plot(run.time, quantity.factor * run.values, color=INK, linewidth=1.2)
-    axes.plot(run.corner_time, quantity.factor * run.corners, "o", color=INK, markersize=2.5)
-    titles(axes, f"{run.name}, {run.route}: the drive", "", quantity.label)
+    drawn = quantity(run.drive)
+    axes.plot(run.time, drawn.factor * run.values, color=INK, linewidth=1.2)
+    axes.plot(run.corner_time, drawn.factor * run.corners, "o", color=INK, markersize=2.5)
+    titles(axes, f"{run.name}, {run.route}: the drive", "", drawn.label)
 
 
 def _draw_differences(axes: Axes, run: ProposedRun, names: Sequence[str]) -> None:
     """Draw each model less the first, which is refitted to it."""
-    quantity, channel = CHANNELS[run.clearest], run.clearest
-    sigma = _SIGMAS * quantity.factor * run.sigma[channel]
+    drawn, channel = quantity(run.clearest), run.clearest
+    sigma = _SIGMAS * drawn.factor * run.sigma[channel]
     axes.fill_between(
         run.time, -sigma, sigma, color=_SPREAD, linewidth=0, label=f"± {_SIGMAS:.0f} σ of the sensors"
     )
     axes.axhline(0.0, color=_COLOURS[0], linewidth=1.2, label=words_of(names[0]))
     reach = 1.5 * float(np.nanmedian(sigma))
     for name, colour in zip(names[1:], _COLOURS[1:], strict=False):
-        left = quantity.factor * run.differences[name][channel]
+        left = drawn.factor * run.differences[name][channel]
         reach = max(reach, float(np.nanpercentile(np.abs(left), _MOST)))
         axes.plot(run.time, left, color=colour, linewidth=1.2, label=words_of(name))
     axes.set_ylim(-1.15 * reach, 1.15 * reach)
-    titles(axes, f"less {words_of(names[0])}, refitted to it", "", quantity.label)
+    titles(axes, f"less {words_of(names[0])}, refitted to it", "", drawn.label)

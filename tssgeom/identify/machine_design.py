@@ -1,0 +1,308 @@
+"""The next runs of a machine, designed for what its runs leave open.
+
+Source: docs/discovery.md, "Designed experiments"; docs/model.md (117), (314).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tssgeom.arrays import Vector
+from tssgeom.errors import SettingsError, TssgeomError
+from tssgeom.identify.candidate_models import Left
+from tssgeom.identify.expected_evidence import Information, shrink, step_of
+from tssgeom.identify.experiment_search import EFFORT, Goal
+from tssgeom.identify.machine_candidates import (
+    MachineCandidate,
+    PredictedRun,
+    candidates_of,
+    information_of_run,
+    intervals,
+    predicted_run,
+    sigma_of,
+)
+from tssgeom.identify.machine_evidence import FittedModel
+from tssgeom.identify.machine_finding import MachineWork
+from tssgeom.identify.machine_prediction import Machines
+from tssgeom.identify.machine_problem import fitted_rows
+from tssgeom.identify.machine_run import MachineRun
+from tssgeom.identify.outcomes import Contrast, outcome
+from tssgeom.identify.proposal import Asked, NarrowedInterval, Proposal, ProposedRun
+from tssgeom.identify.proposal_words import expected_of, sentence, why
+from tssgeom.identify.run_limits import KEYS, RunLimits, top_speed, within_limits
+from tssgeom.identify.selection import separable_from
+from tssgeom.identify.verdict import parameter, plain
+from tssgeom.identify.waveform import Course, Range, Waveform, course_of, random_waveform, varied_waveform
+from tssgeom.tendon.machine_simulation import drive_channels, simulated_channels
+from tssgeom.threads import single_threaded
+
+
+def check_designable(runs: Sequence[MachineRun], asked: Asked) -> None:
+    """Refuse what no run can be designed for, with SettingsError: no run, several drives, or one by force."""
+    if asked.runs < 1:
+        raise SettingsError(f"--propose {asked.runs}: give 1 or more")
+    channel, *more = drive_channels(runs[0].drive, runs[0].tendons)
+    if more or channel == "tension_in_N":
+        raise SettingsError(
+            f"--propose designs runs by one motor angle or one displacement: {runs[0].name} is driven by "
+            f"{', '.join((channel, *more))}"
+        )
+
+
+def proposed_of_machine(work: MachineWork, asked: Asked, seed: int) -> Proposal:
+    """Design the next experiments of a machine with one drive that is moved: a motor, or one tendon.
+
+    Parameters
+    ----------
+    work
+        What the steps of the workflow left.
+    asked
+        How many experiments, and within which limits.
+    seed
+        The same seed gives the same experiments.
+
+    Raises
+    ------
+    SettingsError
+        Where the machine has several drives or one by force, a limit is unknown, or the limits forbid every
+        run.
+    """
+    check_designable(work.fitted, asked)
+    with single_threaded():  # matrices are small
+        return _proposed(work, asked, np.random.default_rng(seed))
+
+
+def _proposed(work: MachineWork, asked: Asked, rng: np.random.Generator) -> Proposal:
+    candidates = candidates_of(work)
+    first, template = candidates[0].model, work.fitted[0]
+    channel = drive_channels(template.drive, template.tendons)[0]
+    metres = (
+        work.campaign.rig.drive.radius_m / work.campaign.rig.drive.gear if channel.endswith("_rad") else 1.0
+    )
+    drives = _Drives(channel, metres, template, first, tuple(work.fitted) + tuple(work.kept), asked.limits)
+    which = _widest(candidates[0]) if len(candidates) == 1 else 0
+    goal = Goal(Left(tuple(candidates), separable_from(), {}), which)
+    made, total = list[ProposedRun](), None
+    for k in range(asked.runs):
+        best = _best(drives, goal, total, rng)
+        total = best.added if total is None else total.plus(best.added)
+        made.append(_run(f"run_{k + 1}", best, goal, total, (channel, template.name)))
+    assert total is not None
+    narrowed = None if goal.separates else _narrowed(goal, total)
+    limits = drives.limits
+    names = tuple(candidate.name for candidate in candidates)
+    return Proposal(
+        sentence(goal, total, narrowed), names, limits.values, limits.stated, tuple(made), narrowed, ""
+    )
+
+
+class _Drives:
+    """What the drive of the next run may do, and the run that it makes."""
+
+    def __init__(
+        self,
+        channel: str,
+        metres: float,
+        template: MachineRun,
+        model: FittedModel,
+        runs: Sequence[MachineRun],
+        stated: Mapping[str, float],
+    ) -> None:
+        self.channel, self.metres, self.model = channel, metres, model
+        routes = model.on_known_routes(template).routes
+        none = np.zeros(0, dtype=bool)
+        self.template = replace(template, name="proposed", routes=routes, legs=None, bends={}, held_out=none)
+        self.machines = Machines(model.rig, model.problem.bars)
+        time = [run.given["time_s"] for run in runs]
+        reached = [self._reached(run) for run in runs]
+        interval = min(float(np.median(np.diff(each))) for each in time)
+        self.limits: RunLimits = within_limits(
+            reached, model.rig, stated, interval, max(len(each) for each in time)
+        )
+        both = 2.0 * min(each["least_mm"] for each in reached) < -max(each["travel_mm"] for each in reached)
+        high, limits = 1e-3 * self.limits.travel_mm / metres, self.limits
+        speed = 1e-3 * limits.speed_mm_per_s / metres
+        low = -high if both else 0.0
+        self.range = Range(0.0, low, high, speed, limits.duration_s, limits.interval_s, limits.samples)
+
+    def _reached(self, run: MachineRun) -> dict[str, float]:
+        """Return the extremes of one run by `KEYS`, by the model where they are not measured."""
+        time, moved = (
+            run.given["time_s"],
+            self.metres * (run.given[self.channel] - run.given[self.channel][0]),
+        )
+        known = replace(run, routes=self.model.on_known_routes(run).routes, bends={})
+        tension = _tensions(simulated_channels(self.machines.simulation(known, {})))
+        return {
+            "tension_N": float(tension.max()),
+            "least_tension_N": float(tension.min()),
+            "speed_mm_per_s": 1e3 * top_speed(time, moved),
+            "travel_mm": 1e3 * float(np.abs(moved).max()),
+            "least_mm": 1e3 * float(moved.min()),
+            "duration_s": float(time[-1] - time[0]),
+        }
+
+    def run(self, course: Course) -> MachineRun | None:
+        """Return a run as the first model has it; None where it goes beyond a limit or has no equilibrium."""
+        level = {name: np.full(len(course.time), np.mean(each)) for name, each in self.template.given.items()}
+        given = {**level, "time_s": course.time, self.channel: course.drive}
+        held = np.zeros(len(course.time), dtype=bool)
+        run = replace(self.template, given=given, held_out=held)
+        try:
+            channels = simulated_channels(self.machines.simulation(run, {}))
+        except TssgeomError:
+            return None
+        tension, limits = _tensions(channels), self.limits
+        within = (
+            tension.max() <= EFFORT.over * limits.tension_N
+            and tension.min() >= limits.least_tension_N / EFFORT.over
+        )
+        measured = {name: channels[name] for name in self.template.measured}
+        return replace(run, measured=measured) if within else None
+
+
+def _tensions(channels: Mapping[str, Vector]) -> Vector:
+    """Return the proximal tensions of all tendons, one after the other [N]."""
+    return np.concatenate([each for name, each in channels.items() if name.startswith("tension_in_")])
+
+
+@dataclass(frozen=True, slots=True)
+class _Designed:
+    """One run that may be proposed."""
+
+    waveform: Waveform
+    course: Course
+    run: MachineRun
+    sigma: Mapping[str, float]
+    predicted: tuple[PredictedRun, ...]
+    """Of each model."""
+    added: Information
+    score: float
+
+
+def _best(
+    drives: _Drives, goal: Goal[MachineCandidate], total: Information | None, rng: np.random.Generator
+) -> _Designed:
+    """Return the best run of some random ones, changed as long as that makes it better."""
+    sketched = list(_sketches(drives, goal, total, rng))
+    if not sketched:
+        words = ", ".join(f"{key}={value:.3g}" for key, value in drives.limits.values.items())
+        raise SettingsError(
+            f"limits forbid every run ({words}): allow more with --limits, of {', '.join(KEYS)}"
+        )
+    best = max(sketched, key=lambda one: one.score)
+    for _ in range(EFFORT.improved):
+        near = _designed(drives, goal, total, varied_waveform(best.waveform, rng))
+        if near is not None and near.score > best.score:
+            best = near
+    return best
+
+
+def _sketches(
+    drives: _Drives, goal: Goal[MachineCandidate], total: Information | None, rng: np.random.Generator
+) -> Iterator[_Designed]:
+    made, count = 0, round(EFFORT.elsewhere * EFFORT.sketched)
+    for k in range(count * EFFORT.attempts):
+        if made >= count or (made == 0 and k > count * EFFORT.attempts // 4):
+            return
+        design = _designed(drives, goal, total, random_waveform(rng))
+        if design is not None:
+            made += 1
+            yield design
+
+
+def _designed(
+    drives: _Drives, goal: Goal[MachineCandidate], total: Information | None, waveform: Waveform
+) -> _Designed | None:
+    """Return a run and what it is worth; None where it is beyond a limit, or a model has no equilibrium."""
+    course = course_of(waveform, drives.range)
+    run = None if course is None else drives.run(course)
+    if course is None or run is None:
+        return None
+    sigma = sigma_of(goal.models[0].model, run)
+    every = [predicted_run(candidate, run, sigma) for candidate in goal.models]
+    predicted = tuple(each for each in every if each is not None)
+    if len(predicted) < len(every):
+        return None
+    added = information_of_run(predicted, goal.models)
+    score = goal.score(added if total is None else total.plus(added))
+    return _Designed(waveform, course, run, sigma, predicted, added, score)
+
+
+def _run(
+    name: str, best: _Designed, goal: Goal[MachineCandidate], total: Information, drive: tuple[str, str]
+) -> ProposedRun:
+    """Return a run as it is reported; `drive` is its channel, and a run on the same routes."""
+    (channel, like), models, course = drive, goal.models, best.course
+    names = [each for _, each, _ in fitted_rows([best.run], held_out=None) if each in best.sigma]
+
+    def by_channel(flat: Vector) -> dict[str, Vector]:
+        """Return whitened rows as channels [SI]."""
+        parts = np.split(flat, len(names))
+        return {each: best.sigma[each] * part for each, part in zip(names, parts, strict=True)}
+
+    pairs = [_contrast(best, goal, total, k, by_channel) for k in range(1, len(models))]
+    sigma = {each: np.full(len(course.time), best.sigma[each]) for each in names}
+    outcomes = [
+        outcome(pair, (models[pair.true].name, models[pair.other].name), sigma, course, channel)
+        for pair in pairs
+    ]
+    narrowed = None if goal.separates else _narrowed(goal, total)
+    return ProposedRun(
+        name=name,
+        route=f"as in {like}",
+        like=like,
+        new_route=None,
+        drive=channel,
+        time=course.time,
+        values=course.drive,
+        corner_time=course.corner_time,
+        corners=course.corner,
+        why=why(goal, total, narrowed),
+        outcomes=tuple(words for _, words in outcomes),
+        expected=expected_of(goal, total),
+        channels={
+            candidate.name: by_channel(one.flat)
+            for candidate, one in zip(models, best.predicted, strict=True)
+        },
+        differences={
+            models[max(pair.true, pair.other)].name: {
+                each: values if pair.true else -values for each, values in pair.difference.items()
+            }
+            for pair in pairs
+        },
+        sigma=sigma,
+        clearest=outcomes[0][0] if outcomes else names[0],
+    )
+
+
+def _contrast(
+    best: _Designed,
+    goal: Goal[MachineCandidate],
+    total: Information,
+    k: int,
+    by_channel: Callable[[Vector], dict[str, Vector]],
+) -> Contrast:
+    """Return a model held against the first, the other one refitted to what is taken for true."""
+    pair = (k, 0) if goal.models[k].may_be_true else (0, k)
+    true, other = best.predicted[pair[0]], best.predicted[pair[1]]
+    off = true.flat - other.flat - other.slope @ step_of(total, goal.models, pair)
+    own = np.linalg.solve(np.eye(other.own.shape[1]) + other.own.T @ other.own, other.own.T @ off)
+    left = off - other.own @ own
+    return Contrast(*pair, by_channel(left), by_channel(true.flat - left))
+
+
+def _widest(candidate: MachineCandidate) -> int:
+    """Return which number has the widest interval for its size."""
+    return int(np.argmax([half / max(abs(value), 1e-300) for _, value, half in intervals(candidate)]))
+
+
+def _narrowed(goal: Goal[MachineCandidate], total: Information) -> NarrowedInterval:
+    candidate, k = goal.models[0], goal.which
+    number, value, half = intervals(candidate)[k]
+    part, _, own = number.name.rpartition(": ")
+    name = f"{parameter(own)} of {plain(part)}" if part else own
+    return NarrowedInterval(name, value, number.unit, half, shrink(total, candidate, 0, k) * half)
