@@ -96,7 +96,9 @@ def test_a_number_that_channels_share_is_set_at_each():
 def steps_of(**columns_of):
     """Return the base of a pair, its parts, and the step at which held-out readings refuse each alone."""
     hardware, uncertain = rig(2), tuple(Uncertain(key, UNKNOWNS[key], stated=False) for key in UNKNOWN)
-    run = machine_run("run", columns(2, torque=False, **columns_of), [route_of_rig(hardware)], hardware)
+    run = machine_run(
+        "run", columns(2, **{"torque": False, **columns_of}), [route_of_rig(hardware)], hardware
+    )
     base = machine_work(MachineCampaign("bench", hardware, uncertain, (run,)))[0].chosen.base
     every = [
         part
@@ -127,8 +129,9 @@ def test_no_two_parts_are_sought_in_noise():
     assert two_steps(base, lambda: forecast(base), now, every, ()) == (now,)
 
 
-def test_a_part_is_needless_only_where_held_out_readings_do_not_ask_for_it():
-    base, every, _ = steps_of(end_play=0.01)
+@pytest.mark.parametrize("torque", [False, True])
+def test_a_part_is_needless_only_where_held_out_readings_do_not_ask_for_it(torque):
+    base, every, _ = steps_of(end_play=0.01, torque=torque)
     (speed,) = (part for part in every if part.name == "velocity_dependent_friction")
     hardware, own = speed.on(base.problem.rig)
     problem = replace(base.problem, rig=hardware, parameters=(*base.problem.parameters, *own))
@@ -138,6 +141,9 @@ def test_a_part_is_needless_only_where_held_out_readings_do_not_ask_for_it():
     assert without_needless(model, 0, ()).parts == ()
     helps = replace(model, held={name: 0.5 * rms for name, rms in model.held.items()})
     assert without_needless(helps, 0, ()) is None
+    if torque:  # one channel asks for it, and all together do not
+        held = {name: (0.8 if name == "joint_angle_rad" else 2.0) * rms for name, rms in model.held.items()}
+        assert without_needless(replace(model, held=held), 0, ()).parts == ()
 
 
 def test_the_bars_of_a_correction_are_more_where_the_readings_ask_for_it():

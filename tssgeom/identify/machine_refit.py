@@ -72,7 +72,8 @@ def without_needless(model: FittedModel, which: int, kept: Sequence[MachineRun])
         return None
     fall = -sum(held_out_rises(less, whole).values())
     asked = delta_bic(less, whole) >= EVIDENCE_SCALE.very_strong and held_out_asks(model.parts[which], fall)
-    return None if asked or contradicted(held_out_rises(whole, less)) else less
+    held = fall > 0.0 and contradicted(held_out_rises(whole, less))
+    return None if asked or held else less
 
 
 def held_out_asks(part: Part, fall: float) -> bool:
