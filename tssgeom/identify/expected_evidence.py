@@ -127,9 +127,13 @@ def difference(run: Predicted, pair: tuple[int, int], step: Vector) -> Vector:
 def size_over_limits(
     added: Information, models: Sequence[Compared], pair: tuple[int, int], limits: Mapping[str, float]
 ) -> float:
-    """Return the largest difference of a pair in any run over its detection limit [1]; (111)."""
+    """Return the largest difference of a pair in any run over its detection limit [1]; (111).
+
+    Runs of a machine have no such limit: it is infinite.
+    """
     step = step_of(added, models, pair)
-    return max(size_over_limit(run.problem.stack, difference(run, pair, step), limits) for run in added.runs)
+    sizes = (size_over_limit(run.problem.stack, difference(run, pair, step), limits) for run in added.runs)
+    return max(sizes, default=math.inf)
 
 
 def shrink(added: Information, model: Compared, j: int, which: int) -> float:

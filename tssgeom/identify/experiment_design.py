@@ -50,8 +50,6 @@ def proposed(work: Work, runs: Sequence[Reading], rig: Rig, asked: Asked, seed: 
     SettingsError
         Where a limit is unknown, or the limits forbid every run.
     """
-    if asked.runs < 1:
-        raise SettingsError(f"--propose {asked.runs}: give 1 or more")
     with single_threaded():  # matrices are small
         return _proposed(work, runs, rig, asked, seed)
 

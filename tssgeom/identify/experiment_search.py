@@ -6,9 +6,9 @@ Source: docs/discovery.md, "Designed experiments"; docs/model.md (117).
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Generic
+from typing import Generic, TypeVar
 
 import numpy as np
 
@@ -28,7 +28,7 @@ from tssgeom.identify.expected_evidence import (
 )
 from tssgeom.identify.experiment_routes import RouteChoice, SlowStroke
 from tssgeom.identify.readings import Reading
-from tssgeom.identify.run_limits import KEYS, RunLimits, top_speed
+from tssgeom.identify.run_limits import RunLimits, forbidding, top_speed
 from tssgeom.identify.selection import SEARCH, separable_from
 from tssgeom.identify.waveform import Course, Range, Waveform, course_of, random_waveform, varied_waveform
 from tssgeom.rig import Rig
@@ -59,6 +59,7 @@ class SearchEffort:
 
 
 EFFORT = SearchEffort()
+AnyDesigned = TypeVar("AnyDesigned")
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +101,7 @@ class Goal(Generic[AnyCompared]):
         """Return the expected ΔBIC by pair, less where an effect stays below the detection limits."""
         gains = expected_delta_bic(added, self.models)
         for pair in gains:
-            if added.runs and not self.models[pair[1]].may_be_true:
+            if not self.models[pair[1]].may_be_true:
                 size = size_over_limits(added, self.models, pair, self.left.limits)
                 gains[pair] *= min((size / EFFORT.beyond) ** 2, 1.0)
                 if size <= 1.0:
@@ -213,12 +214,14 @@ def best_run(
         Where the limits leave no run.
     """
     ranges = [(choice, within) for choice in choices for within in search.ranges(choice)]
-    sketched = list(_sketches(search, ranges, rng, round(share * EFFORT.sketched)))
+
+    def tried(k: int) -> Designed | None:
+        choice, within = ranges[k % len(ranges)]
+        return search.tried(choice, within, random_waveform(rng))
+
+    sketched = list(sketches(tried, round(share * EFFORT.sketched))) if ranges else []
     if not sketched:
-        words = ", ".join(f"{key}={value:.3g}" for key, value in search.limits.values.items())
-        raise SettingsError(
-            f"limits forbid every run ({words}): allow more with --limits, of {', '.join(KEYS)}"
-        )
+        raise forbidding(search.limits)
     sketched.sort(key=search.white, reverse=True)
     best = max((search.whole(each) for each in sketched[: SEARCH.refitted]), key=lambda each: each[0])
     within = dict(ranges)
@@ -231,16 +234,13 @@ def best_run(
     return best
 
 
-def _sketches(
-    search: Search, ranges: Sequence[tuple[RouteChoice, Range]], rng: np.random.Generator, count: int
-) -> Iterator[Designed]:
-    """Yield random runs that fit, on the routes in turn."""
+def sketches(tried: Callable[[int], AnyDesigned | None], count: int) -> Iterator[AnyDesigned]:
+    """Yield at most so many runs that fit, of those that are tried one after the other."""
     made = 0
     for k in range(count * EFFORT.attempts):
-        if made >= count or not ranges or (made == 0 and k > count * EFFORT.attempts // 4):
+        if made >= count or (made == 0 and k > count * EFFORT.attempts // 4):
             return
-        choice, within = ranges[k % len(ranges)]
-        design = search.tried(choice, within, random_waveform(rng))
+        design = tried(k)
         if design is not None:
             made += 1
             yield design

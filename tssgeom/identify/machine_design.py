@@ -5,7 +5,7 @@ Source: docs/discovery.md, "Designed experiments"; docs/model.md (117), (314).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,7 +14,7 @@ from tssgeom.arrays import Vector
 from tssgeom.errors import SettingsError, TssgeomError
 from tssgeom.identify.candidate_models import Left
 from tssgeom.identify.expected_evidence import Information, shrink, step_of
-from tssgeom.identify.experiment_search import EFFORT, Goal
+from tssgeom.identify.experiment_search import EFFORT, Goal, sketches
 from tssgeom.identify.machine_candidates import (
     MachineCandidate,
     PredictedRun,
@@ -32,7 +32,7 @@ from tssgeom.identify.machine_run import MachineRun
 from tssgeom.identify.outcomes import Contrast, outcome
 from tssgeom.identify.proposal import Asked, NarrowedInterval, Proposal, ProposedRun
 from tssgeom.identify.proposal_words import expected_of, sentence, why
-from tssgeom.identify.run_limits import KEYS, RunLimits, top_speed, within_limits
+from tssgeom.identify.run_limits import RunLimits, forbidding, top_speed, within_limits
 from tssgeom.identify.selection import separable_from
 from tssgeom.identify.verdict import parameter, plain
 from tssgeom.identify.waveform import Course, Range, Waveform, course_of, random_waveform, varied_waveform
@@ -40,10 +40,8 @@ from tssgeom.tendon.machine_simulation import drive_channels, simulated_channels
 from tssgeom.threads import single_threaded
 
 
-def check_designable(runs: Sequence[MachineRun], asked: Asked) -> None:
-    """Refuse what no run can be designed for, with SettingsError: no run, several drives, or one by force."""
-    if asked.runs < 1:
-        raise SettingsError(f"--propose {asked.runs}: give 1 or more")
+def check_designable(runs: Sequence[MachineRun]) -> None:
+    """Refuse several drives, and one by force, with SettingsError: no run is designed for them."""
     channel, *more = drive_channels(runs[0].drive, runs[0].tendons)
     if more or channel == "tension_in_N":
         raise SettingsError(
@@ -70,7 +68,7 @@ def proposed_of_machine(work: MachineWork, asked: Asked, seed: int) -> Proposal:
         Where the machine has several drives or one by force, a limit is unknown, or the limits forbid every
         run.
     """
-    check_designable(work.fitted, asked)
+    check_designable(work.fitted)
     with single_threaded():  # matrices are small
         return _proposed(work, asked, np.random.default_rng(seed))
 
@@ -82,7 +80,7 @@ def _proposed(work: MachineWork, asked: Asked, rng: np.random.Generator) -> Prop
     metres = (
         work.campaign.rig.drive.radius_m / work.campaign.rig.drive.gear if channel.endswith("_rad") else 1.0
     )
-    drives = _Drives(channel, metres, template, first, tuple(work.fitted) + tuple(work.kept), asked.limits)
+    drives = _Drives(channel, metres, template, first, (*work.fitted, *work.kept), asked.limits)
     which = _widest(candidates[0]) if len(candidates) == 1 else 0
     goal = Goal(Left(tuple(candidates), separable_from(), {}), which)
     made, total = list[ProposedRun](), None
@@ -187,31 +185,19 @@ def _best(
     drives: _Drives, goal: Goal[MachineCandidate], total: Information | None, rng: np.random.Generator
 ) -> _Designed:
     """Return the best run of some random ones, changed as long as that makes it better."""
-    sketched = list(_sketches(drives, goal, total, rng))
+
+    def tried(_: int) -> _Designed | None:
+        return _designed(drives, goal, total, random_waveform(rng))
+
+    sketched = list(sketches(tried, round(EFFORT.elsewhere * EFFORT.sketched)))
     if not sketched:
-        words = ", ".join(f"{key}={value:.3g}" for key, value in drives.limits.values.items())
-        raise SettingsError(
-            f"limits forbid every run ({words}): allow more with --limits, of {', '.join(KEYS)}"
-        )
+        raise forbidding(drives.limits)
     best = max(sketched, key=lambda one: one.score)
     for _ in range(EFFORT.improved):
         near = _designed(drives, goal, total, varied_waveform(best.waveform, rng))
         if near is not None and near.score > best.score:
             best = near
     return best
-
-
-def _sketches(
-    drives: _Drives, goal: Goal[MachineCandidate], total: Information | None, rng: np.random.Generator
-) -> Iterator[_Designed]:
-    made, count = 0, round(EFFORT.elsewhere * EFFORT.sketched)
-    for k in range(count * EFFORT.attempts):
-        if made >= count or (made == 0 and k > count * EFFORT.attempts // 4):
-            return
-        design = _designed(drives, goal, total, random_waveform(rng))
-        if design is not None:
-            made += 1
-            yield design
 
 
 def _designed(

@@ -88,7 +88,7 @@ def discover_machine(
     """
     begun = time.perf_counter()
     if propose is not None:
-        check_designable(campaign.runs, propose)
+        check_designable(campaign.runs)
     with single_threaded():  # matrices are small
         work, notes = machine_work(campaign, progress)
         progress("putting it together", 0.9)

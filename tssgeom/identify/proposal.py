@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from tssgeom.arrays import Vector
+from tssgeom.errors import SettingsError
 from tssgeom.route.pieces import Arcs
 
 
@@ -20,6 +21,10 @@ class Asked:
     """How many."""
     limits: Mapping[str, float]
     """What is stated, by the keys of `run_limits.KEYS`, in their units."""
+
+    def __post_init__(self) -> None:
+        if self.runs < 1:
+            raise SettingsError(f"--propose {self.runs}: give 1 or more")
 
 
 @dataclass(frozen=True, slots=True)

@@ -69,6 +69,12 @@ class RunLimits:
         return replace(self, **{key: getattr(self, key) * factor})
 
 
+def forbidding(limits: RunLimits) -> SettingsError:
+    """Return the error of limits within which the search has no run."""
+    words = ", ".join(f"{key}={value:.3g}" for key, value in limits.values.items())
+    return SettingsError(f"limits forbid every run ({words}): allow more with --limits, of {', '.join(KEYS)}")
+
+
 def limits_of(runs: Sequence[Reading], rig: Rig, at: Point, stated: Mapping[str, float]) -> RunLimits:
     """Return the limits of the next run: as stated, else what the runs reached; within those of the drive.
 
