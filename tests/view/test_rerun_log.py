@@ -215,6 +215,7 @@ def test_nothing_unfinished_is_left_beside_the_file(still_file: Path) -> None:
 
 @pytest.mark.parametrize("name", ["ok_a (1)", "Probe #3 50 % é", "scan.v2", "quote'\"", "plain name_1-2"])
 def test_rerun_takes_any_name_without_a_warning(tmp_path: Path, name: str, capfd) -> None:
-    with recording_file(tmp_path / "a.rrd", name, rrb.Blueprint()) as recording:
-        recording.log("text", rr.TextLog("a"))
+    for application in (None, f"tssgeom track: {name}"):
+        with recording_file(tmp_path / "a.rrd", name, rrb.Blueprint(), application=application) as recording:
+            recording.log("text", rr.TextLog("a"))
     assert capfd.readouterr().err == ""

@@ -28,6 +28,7 @@ _END = 0  # kind of the message that ends a file, before its table of contents
 _FLUSH_LIMIT = 10.0  # s, longest wait for what was sent
 _OPTIMIZE_LARGEST = 256 << 20  # bytes: a larger file keeps its many small pieces when it is finished
 _OPTIMIZE_LIMIT = 20.0  # s, longest wait for the pieces to be joined
+_PROGRAM = "tssgeom: "
 _HOSTED_MEMORY = "256MiB"  # of frames that a viewer which connects late still gets
 
 
@@ -56,10 +57,8 @@ def recording_file(
     """
     require_address_space(EACH, "a recording", ", or write no recordings")
     flush_and_cleanup_orphaned_recordings()  # of earlier ones; Rerun keeps their threads and their memory
-    with (
-        replacing(path) as draft,
-        rr.RecordingStream(application or _application(name), recording_id=uuid4()) as recording,
-    ):
+    remembered = _application(application or f"{_PROGRAM}{name}")
+    with replacing(path) as draft, rr.RecordingStream(remembered, recording_id=uuid4()) as recording:
         stream = recording.binary_stream()  # Rerun's own file sink blocks for ever once the disk is full
         send_layout(recording, layout, make_active=False)
         recording.send_recording_name(name)
@@ -69,8 +68,8 @@ def recording_file(
 
 def _application(name: str) -> str:
     """Return the name under which a viewer remembers the layout of a recording, of signs that Rerun takes."""
-    plain = re.sub(r"[^A-Za-z0-9 _-]", "-", name)
-    return f"tssgeom: {plain}" if plain == name else f"tssgeom: {plain}-{crc32(name.encode()):08x}"
+    plain = re.sub(r"[^A-Za-z0-9 :_-]", "-", name)
+    return plain if plain == name else f"{plain}-{crc32(name.encode()):08x}"
 
 
 def send_layout(recording: rr.RecordingStream, layout: rrb.Blueprint, *, make_active: bool = True) -> None:
@@ -110,7 +109,8 @@ def hosted(name: str, port: int) -> tuple[rr.RecordingStream, str]:
         raise SourceError(
             f"--view: port {port}: {os.strerror(error.errno or 0)}: choose another with --view-port"
         ) from error
-    recording = rr.RecordingStream(_application(name), batcher_config=rr.ChunkBatcherConfig.LOW_LATENCY())
+    remembered, often = _application(f"{_PROGRAM}{name}"), rr.ChunkBatcherConfig.LOW_LATENCY()
+    recording = rr.RecordingStream(remembered, batcher_config=often)
     sink = rr.GrpcServerSink(bind_ip="127.0.0.1", port=port, server_memory_limit=_HOSTED_MEMORY)
     try:
         recording.set_sinks(sink)
@@ -136,7 +136,7 @@ class GrowingFile:
         except OSError as error:
             raise self._unwritten(error) from error
         flush_and_cleanup_orphaned_recordings()  # as above
-        self.recording = rr.RecordingStream(_application(path.stem), recording_id=uuid4())
+        self.recording = rr.RecordingStream(_application(f"{_PROGRAM}{path.stem}"), recording_id=uuid4())
         self._stream = self.recording.binary_stream()
         self.recording.send_recording_name(path.stem)
         self._size, self._full = 0, False
