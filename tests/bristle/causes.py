@@ -274,7 +274,7 @@ CAUSES: dict[str, Cause] = {
     "power_strain": Cause("strain_over_tension", _power_strain),
     "power_creep": Cause("strain_over_time", _power_creep, rates=_SLOW),
     "two_time_creep": Cause("strain_over_time", _two_time_creep, rates=_SLOW),
-    "load_play": Cause("play_at_load", _load_play, plans=LOAD_MOVE),
+    "load_play": Cause("play_at_load", _load_play, "load_play", LOAD_MOVE),
     "drive_play": Cause("play_at_drive", _drive_play, "backlash", plans=POSITION),
     "presliding": Cause("presliding", _presliding, "presliding"),
     "curved_tension_in": Cause("sensor_curve", _curved("tension_in", 2)),

@@ -17,6 +17,7 @@ from tssgeom.effects import (
     Creep,
     EndFittingFrictionProximal,
     HiddenBend,
+    LoadPlay,
     VelocityDependentFriction,
     ViscousDrag,
     with_size,
@@ -157,6 +158,29 @@ def test_a_lag_that_is_asked_for_in_a_ramp_stays_behind_by_its_time():
 def test_backlash_is_lost_at_a_turn_and_regained_at_the_next():
     gap = modelled(FORCE, Backlash(width_m=2e-4))[POSITION] - modelled(FORCE)[POSITION]
     assert gap[[30, 45, 60]] == pytest.approx([0.0, -2e-4, 0.0], abs=1e-12)
+
+
+def test_play_of_the_load_is_read_at_both_channels_of_its_way_and_behind_a_lag():
+    out, width = "displacement_out_m", 2e-4
+    true, read = modelled(FORCE), modelled(FORCE, LoadPlay(width_m=width))
+    lost, at = [], true[out][0]
+    for x in true[out]:
+        at = min(max(at, x), x + width)
+        lost.append(x - at)
+    assert np.ptp(lost) == pytest.approx(width, rel=1e-12)
+    assert read[out] == pytest.approx(true[out] - lost, abs=1e-15)
+    assert read["elongation_m"] == pytest.approx(true["elongation_m"] + lost, abs=1e-15)
+    assert all((read[name] == true[name]).all() for name in (FORCE, POSITION, "tension_out_N"))
+    lag = ChannelLag(lag_s=0.5, channel=out)
+    model = prepare(RUNS[FORCE], ARCS, RIG, [LoadPlay(width_m=width), lag])
+    first, second = (
+        {name: each[rows] for name, each in RUNS[FORCE].items()} for rows in (slice(40), slice(40, None))
+    )
+    begun, state = carry_on(model, begin(model), first)
+    rest, _ = carry_on(model, state, second)
+    whole = modelled(FORCE, LoadPlay(width_m=width), lag)[out]
+    assert np.concatenate((begun.channels[out], rest.channels[out])) == pytest.approx(whole, abs=1e-15)
+    assert np.abs(whole - read[out]).max() > 1e-5
 
 
 @pytest.mark.parametrize(("at", "width"), [(0.0, 0.02), (0.25, 0.02), (0.5, 0.02), (0.2, 1e-6), (0.7, 0.02)])

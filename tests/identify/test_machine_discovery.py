@@ -16,7 +16,8 @@ from tssgeom.identify.machine_refit import without_part
 from tssgeom.identify.machine_run import machine_run
 from tssgeom.mechanism import Drive, End, GivenRoute
 from tssgeom.rig import Friction, Rig, Tendon
-from tssgeom.tendon.machine import play, route_of_rig
+from tssgeom.tendon.bars.sensors import play
+from tssgeom.tendon.machine import route_of_rig
 from tssgeom.uncertain import UNKNOWNS, Uncertain
 
 LENGTH, ANGLE, ARM, STIFF = 0.5, 3.7, 0.01, 0.25

@@ -11,7 +11,8 @@ from tssgeom.errors import SettingsError
 from tssgeom.mechanism import Drive, End, tip
 from tssgeom.rig import Friction, Rig, Sensor, Tendon
 from tssgeom.route.pieces import Arcs
-from tssgeom.tendon.machine import BARS, Start, at_rest, held_tensions, machine_of, play
+from tssgeom.tendon.bars.sensors import play
+from tssgeom.tendon.machine import BARS, Start, at_rest, held_tensions, machine_of
 from tssgeom.tendon.machine_simulation import simulate_machine as simulate
 from tssgeom.tendon.state import HALVINGS
 

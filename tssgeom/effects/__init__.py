@@ -21,6 +21,7 @@ from tssgeom.effects.ends import (
     Backlash,
     ChannelLag,
     LoadCellCrosstalk,
+    LoadPlay,
     PretensionError,
     TensionInGain,
     TensionInOffset,
@@ -65,6 +66,7 @@ Library: TypeAlias = (
     | ThermalDrift
     | PretensionError
     | Backlash
+    | LoadPlay
     | TensionInGain
     | TensionOutGain
     | TensionInOffset
@@ -150,6 +152,7 @@ __all__ = [
     "Library",
     "LoadCellCrosstalk",
     "LoadDependentFriction",
+    "LoadPlay",
     "Parameter",
     "Presliding",
     "PretensionError",

@@ -66,6 +66,23 @@ class Backlash(Effect, frozen=True):
     ties: ClassVar[tuple[Tie, ...]] = ()
 
 
+class LoadPlay(Effect, frozen=True):
+    """Play between the load and what measures its way; docs/model.md (316).
+
+    It starts engaged for pulling, and acts on a measured elongation too. Source: as that of `Backlash`.
+    """
+
+    width_m: float
+    """Motion that is not read after each turn [m]."""
+
+    hook: ClassVar[Hook] = "observation"
+    adds: ClassVar[dict[str, str]] = {"load_play_m": "width_m"}
+    by_force: ClassVar[tuple[Channel, ...]] = ("displacement_out_m", "elongation_m")
+    by_position: ClassVar[tuple[Channel, ...]] = ("displacement_out_m", "elongation_m")
+    parameters: ClassVar[dict[str, Parameter]] = {"width_m": Parameter("m", 0.0, 0.02, 2e-4, 3e-4)}
+    ties: ClassVar[tuple[Tie, ...]] = ()
+
+
 class TensionInGain(Effect, frozen=True):
     """The proximal load cell reads (1 + e) T.
 

@@ -156,6 +156,7 @@ class Setup:
     tension_in_offset_N: float = 0.0
     tension_out_offset_N: float = 0.0
     crosstalk: float = 0.0
+    load_play_m: float = 0.0
     lags: tuple[tuple[Channel, float], ...] = ()
     """Channel and time constant [s] of each lag."""
 

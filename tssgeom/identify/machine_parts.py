@@ -127,6 +127,7 @@ _NOT_HERE = (  # observation is by channel here; the pretension is a number of t
     "tension_out_offset",
     "channel_lag",
     "load_cell_crosstalk",
+    "load_play",
     "thermal_drift",
     "pretension_error",
 )
@@ -141,6 +142,7 @@ def absent_parts(rig: Rig, runs: Sequence[MachineRun]) -> Mapping[str, str]:
     """Return by name the effects of the library that are not tried on a machine, and why."""
     why = dict.fromkeys(_NOT_HERE[:6], "channels of a machine have gains, lags and zeros of their own")
     why |= {"thermal_drift": "the model of a machine has no temperature"}
+    why |= {"load_play": "play behind a joint is end_play"}
     if any(run.drive == "motor_angle_rad" for run in runs):
         why["backlash"] = "play of the motor is drive_play"
     if any(run.drive in ("tension_in", "motor_torque_Nm") for run in runs):

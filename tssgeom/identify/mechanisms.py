@@ -43,6 +43,7 @@ MECHANISM_OF = {
     "thermal_drift": "strain_over_temperature",
     "pretension_error": "preload",
     "backlash": "play_at_drive",
+    "load_play": "play_at_load",
     "tension_in_gain": "sensor_gain",
     "tension_out_gain": "sensor_gain",
     "tension_in_offset": "sensor_zero",

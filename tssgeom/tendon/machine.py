@@ -206,25 +206,6 @@ def _blocks(machine: Machine) -> Vector:
     return np.concatenate([each.block for each in machine.plants])
 
 
-def play(values: Vector, width: float, engaged: float | None = None) -> Vector:
-    """Return what a play leaves of a motion [s]; (59).
-
-    It was `engaged` before, or is so for positive motion at the start.
-    """
-    if width <= 0.0:
-        return values
-    passed, at = list[float](), float(values[0]) if engaged is None else engaged
-    for value in values.tolist():  # as `behind_play`, without a call for each sample
-        at = value if at < value else at if at < value + width else value + width
-        passed.append(at)
-    return np.array(passed)
-
-
-def behind_play(engaged: float, value: float, width: float) -> float:
-    """Return where what was `engaged` stands once the motion is at a value; (59)."""
-    return min(max(engaged, value), value + width)
-
-
 def routed(arcs: Arcs, rig: Rig) -> Arcs:
     """Return a route with the length and angle of the rig file, which have no error there."""
     given = rig.route

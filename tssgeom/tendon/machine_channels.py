@@ -10,7 +10,8 @@ import numpy as np
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.mechanism import Coordinates, numbered, per_motor_angle, tip
 from tssgeom.rig import Rig
-from tssgeom.tendon.machine import Machine, MachineTrace, play
+from tssgeom.tendon.bars.sensors import play
+from tssgeom.tendon.machine import Machine, MachineTrace
 from tssgeom.tendon.machine_history import (
     MachineHistory,
     Turning,

@@ -16,6 +16,7 @@ from tssgeom.core.constants_tendon_rows import HELD
 from tssgeom.errors import SettingsError
 from tssgeom.mechanism import NO_LIMITS, per_motor_angle
 from tssgeom.tendon.bars.plant import Memory
+from tssgeom.tendon.bars.sensors import behind_play
 from tssgeom.tendon.command import DEAD_ZONE
 from tssgeom.tendon.drive_limits import within
 from tssgeom.tendon.machine import (
@@ -24,7 +25,6 @@ from tssgeom.tendon.machine import (
     MachineState,
     MachineTrace,
     begin,
-    behind_play,
     carry_on,
     held_tensions,
 )

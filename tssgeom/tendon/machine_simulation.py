@@ -16,6 +16,7 @@ from tssgeom.arrays import Matrix, Vector
 from tssgeom.errors import FitError, SettingsError
 from tssgeom.mechanism import Coordinates, numbered, per_motor_angle
 from tssgeom.rig import Rig
+from tssgeom.tendon.bars.sensors import play
 from tssgeom.tendon.machine import (
     Acts,
     Machine,
@@ -26,7 +27,6 @@ from tssgeom.tendon.machine import (
     carry_on,
     carry_on_beside,
     held_tensions,
-    play,
 )
 from tssgeom.tendon.machine_channels import channels_of, without_zero
 from tssgeom.tendon.machine_history import (

@@ -21,7 +21,7 @@ from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.bars.contact_grid import edges
 from tssgeom.tendon.bars.plant import Memory, Plant, crept, memory_of, moved_plant, plant
 from tssgeom.tendon.bars.sensors import CHANNELS as CHANNELS
-from tssgeom.tendon.bars.sensors import Drive, Lags, sensed, true_drive, with_lags
+from tssgeom.tendon.bars.sensors import Drive, Lags, sensed, true_drive, with_histories
 
 BARS = 30
 """Bars of the tendon where nothing else is asked for."""
@@ -228,7 +228,7 @@ def carry_on(
             "thin the run less, or check for a jump in the drive"
         )
     read = sensed(model.setup, out, elapsed) | {model.drive: given}
-    channels, lags = with_lags(model.setup, read, spans, state.lags, model.drive)
+    channels, lags = with_histories(model.setup, read, spans, state.lags, model.drive)
     trace = RunTrace(channels, out[5], read_only(tension))
     return trace, RunState(Memory(memory), float(time[-1]), float(coldest), {**lags, **late})
 

@@ -1,4 +1,4 @@
-"""What the sensors of a rig read: gains, zeros, crosstalk, lags; docs/model.md (61), (62)."""
+"""What the sensors of a rig read: gains, zeros, crosstalk, play, lags; docs/model.md (61), (62), (316)."""
 
 from collections.abc import Mapping
 from typing import Literal, TypeAlias, get_args
@@ -15,7 +15,8 @@ CHANNELS: tuple[Channel, ...] = get_args(Channel)
 """What sensors read of a run."""
 Drive = Literal["tension_in_N", "displacement_in_m"]
 Lags: TypeAlias = Mapping[Channel, tuple[float, float]]
-"""Last true value and last reading of each lagging channel; empty before the first sample."""
+"""Last value and last reading of each channel that lags or has play; empty before the first sample."""
+_BEHIND_PLAY: tuple[Channel, ...] = ("displacement_out_m", "elongation_m")
 
 
 def check_drive(setup: Setup, drive: Drive) -> None:
@@ -38,7 +39,12 @@ def err(setup: Setup) -> bool:
     gains = (setup.tension_in_gain, setup.tension_out_gain)
     zeros = (setup.tension_in_offset_N, setup.tension_out_offset_N, setup.crosstalk)
     laws = any(" over " in curve.table for curve in setup.curves)
-    return gains != (1.0, 1.0) or any(zeros) or bool(setup.lags) or laws
+    return gains != (1.0, 1.0) or any(zeros) or has_history(setup) or laws
+
+
+def has_history(setup: Setup) -> bool:
+    """Whether any sensor reads what depends on what it read before."""
+    return bool(setup.lags) or setup.load_play_m > 0.0
 
 
 def true_drive(
@@ -118,17 +124,45 @@ def sensed(setup: Setup, out: Matrix, elapsed: Vector) -> dict[str, Vector]:
     return read
 
 
-def with_lags(
+def with_histories(
     setup: Setup, channels: Mapping[str, Vector], spans: Vector, before: Lags, drive: Drive | None = None
 ) -> tuple[dict[str, Vector], Lags]:
-    """Let channels that lag do so, but not the drive; return their last values too; docs/model.md (62)."""
-    read, lags = dict(channels), dict[Channel, tuple[float, float]]()
-    for channel, lag in setup.lags:
+    """Let channels that have play or lag do so, but not the drive; return their last values too.
+
+    Source: docs/model.md (62), (316).
+    """
+    read, lags, lag_of = dict(channels), dict[Channel, tuple[float, float]](), dict(setup.lags)
+    if setup.load_play_m > 0.0:
+        way = channels["displacement_out_m"]
+        engaged, _ = before.get("displacement_out_m", (None, None))
+        lost = way - play(way, setup.load_play_m, engaged)
+        read |= {"displacement_out_m": way - lost, "elongation_m": channels["elongation_m"] + lost}
+        lag_of = dict.fromkeys(_BEHIND_PLAY, 0.0) | lag_of
+    for channel, lag in lag_of.items():
         if channel == drive:
             continue
-        value = channels[channel]
+        value = read[channel]
         first = float(value[0])
         if lag > 0.0:
             read[channel] = core.lagged(value, spans, lag, *before.get(channel, (first, first)))
         lags[channel] = (float(value[-1]), float(read[channel][-1]))
     return read, lags
+
+
+def play(values: Vector, width: float, engaged: float | None = None) -> Vector:
+    """Return what a play leaves of a motion [n]; docs/model.md (59).
+
+    It was `engaged` before, or is so for positive motion at the start.
+    """
+    if width <= 0.0:
+        return values
+    passed, at = list[float](), float(values[0]) if engaged is None else engaged
+    for value in values.tolist():  # as `behind_play`, without a call for each sample
+        at = value if at < value else at if at < value + width else value + width
+        passed.append(at)
+    return np.array(passed)
+
+
+def behind_play(engaged: float, value: float, width: float) -> float:
+    """Return where what was `engaged` stands once the motion is at a value; docs/model.md (59)."""
+    return min(max(engaged, value), value + width)

@@ -25,7 +25,7 @@ from tssgeom.tendon.bars.base import direction_after, no_equilibrium, too_much_f
 from tssgeom.tendon.bars.contact_grid import bends_of, discretise, edges, with_bends
 from tssgeom.tendon.bars.model import BARS, Model, begin, model_of, moved, setup_of
 from tssgeom.tendon.bars.plant import Memory, Plant, crept, memory_of
-from tssgeom.tendon.bars.sensors import Lags, sensed, with_lags
+from tssgeom.tendon.bars.sensors import Lags, has_history, sensed, with_histories
 from tssgeom.tendon.capstan import Corners, tension
 
 _BY_LENGTH = 1e-4  # rad along the whole route, so that positions on straight pieces have an order
@@ -170,7 +170,7 @@ def driven(
         by_force=by_force,
         span=span,
         temperature=first,
-        lags=_lagging(model.setup, ends, span, state) if model.setup.lags else {},
+        lags=_lagging(model.setup, ends, span, state) if has_history(model.setup) else {},
         front=int(front),
         model=Model(model.setup, Plant(laws), model.drive, model.edge) if moves else model,
     )
@@ -228,4 +228,4 @@ def _warmth(state: BarState, temperature: float | None) -> tuple[float, float]:
 
 def _lagging(setup: Setup, ends: Vector, span: float, before: BarState) -> Lags:
     elapsed = before.memory.drive[HELD.time : HELD.time + 1] + span
-    return with_lags(setup, sensed(setup, ends[:4, None], elapsed), np.array([span]), before.lags)[1]
+    return with_histories(setup, sensed(setup, ends[:4, None], elapsed), np.array([span]), before.lags)[1]
