@@ -142,7 +142,8 @@ def run(options: LiveOptions, settings: RunSettings) -> int:
         )
         session.fits = Fits(selector, engine, options.deadline, options.stale_after)
         session.consumers, processes = _side_processes(options, record, settings, follower, selector, report)
-        session.report_statistics, finish = _statistics(session, processes, errors, stats=options.stats)
+        said = _assumed(settings, state)
+        session.report_statistics, finish = _statistics(session, processes, errors, said, stats=options.stats)
         try:
             warm_up(settings.rig, commander, adapt=options.adapt)
             await_ready(selector, processes, report)
@@ -277,13 +278,26 @@ def _sink(
     return Sink() if endpoint.scheme == "none" else StandardOutput(selector)
 
 
+def _assumed(settings: RunSettings, state: Carried | None) -> list[str]:
+    """Return what to say of the tension of frames without a drive, where nobody gave it."""
+    if settings.tension_in_given or state is not None or settings.rig.is_machine:
+        return []
+    where = "give tension_in_N or displacement_in_m in each frame, or --tension-in"
+    return [f"a frame brings neither drive nor target: {settings.tension_in:g} N is assumed; {where}"]
+
+
 def _statistics(
-    session: Session, processes: Sequence[SideProcess], errors: Pipe, *, stats: bool
+    session: Session, processes: Sequence[SideProcess], errors: Pipe, assumed: list[str], *, stats: bool
 ) -> tuple[Callable[[], None], Callable[[], None]]:
-    """Return what prints the statistics once a second, and what prints them for the last time."""
+    """Return what prints the statistics once a second, and what prints them for the last time.
+
+    Once a frame has brought no drive, it says what is `assumed`.
+    """
     status = StatusLine() if sys.stderr.isatty() and not stats else None
 
     def report() -> None:
+        if assumed and session.statistics.undriven:
+            session.report(assumed.pop())
         counts = {
             "dropped": session.mailbox.dropped,
             "unsent": sum(sink.unsent for sink in session.sinks),

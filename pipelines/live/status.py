@@ -11,7 +11,7 @@ import numpy as np
 from rich.console import Console
 from rich.text import Text
 
-from tssgeom.stream import FrameResult
+from tssgeom.stream import FrameResult, drives_tendon
 
 _MOST_LATENCIES = 100_000  # kept in one interval; chosen: a hundred times what a stream can answer
 
@@ -22,6 +22,8 @@ class Statistics:
 
     answered: int = 0
     rejected: int = 0
+    undriven: bool = False
+    """Whether any frame brought neither a drive nor a target."""
     stale: bool = False
     last: FrameResult | None = None
     latencies: list[float] = field(default_factory=list)
@@ -36,6 +38,7 @@ class Statistics:
         """Count an answered frame."""
         self.answered += 1
         self.last, self.stale = result, False
+        self.undriven = self.undriven or not drives_tendon(result.frame)
         if len(self.latencies) < _MOST_LATENCIES:
             self.latencies.append(latency_us)
 

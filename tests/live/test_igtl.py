@@ -97,6 +97,21 @@ def test_named_sensors_make_a_frame_in_the_order_named_and_a_silent_one_is_a_mis
     np.testing.assert_allclose(1e3 * positions[:, 0], (1.0, np.nan, 3.0), rtol=1e-6)
 
 
+def test_metadata_of_any_message_are_those_of_the_frame_and_the_newest_counts():
+    rounds, shape = Rounds(("base", "middle", "tip"), learning=False), None
+    for name, known in (
+        ("base", {"tension_in_N": "9", "id": "a"}),
+        ("middle", {"tension_in_N": "8"}),
+        ("tip", {}),
+    ):
+        data = transform(name, POSITIONS[0], 1.0)
+        message = message_of(header_of(data), data[HEADER:])
+        assert message is not None
+        shape = rounds.shape(replace(message, metadata=known))
+    assert shape is not None
+    assert shape[0].metadata == {"tension_in_N": "8", "id": "a"}
+
+
 def test_a_server_that_names_each_message_anew_is_refused_in_time_and_memory():
     rounds, error = Rounds((), learning=True), None
     data = transform("sensor", POSITIONS[0], 1.0)

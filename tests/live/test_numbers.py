@@ -1,5 +1,7 @@
 """The statistics of a stream, as one object and as one line on a terminal."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -39,6 +41,15 @@ def test_the_status_line_fits_a_terminal_and_has_all_numbers(result):
     for part in ("Hz", "0.45/0.45 ms", "dropped 1", "rejected 0", "Φ 180.0°", "T_out 6.34 N", "δ "):
         assert part in line
     assert "stale" in status_text(report | {"stale": True}).plain
+
+
+def test_a_frame_without_a_drive_is_noted(result):
+    statistics = Statistics()
+    statistics.add(result, 450.0)
+    assert not statistics.undriven
+    statistics.add(replace(result, frame=replace(result.frame, tension_in=None)), 450.0)
+    statistics.add(result, 450.0)
+    assert statistics.undriven
 
 
 def test_pictures_are_allowed_all_at_first_and_then_at_their_rate():

@@ -66,7 +66,8 @@ class Rounds:
     """Shapes out of sensors that send their positions one after the other.
 
     A shape is complete when every sensor has sent its position, or when one of them sends again; a sensor
-    that has not is a point that was not observed.
+    that has not is a point that was not observed. Its metadata are those of all its messages, the newest of
+    each name.
     """
 
     names: Sequence[str]
@@ -75,7 +76,7 @@ class Rounds:
     _received: dict[str, Message] = field(default_factory=dict)
 
     def shape(self, message: Message) -> tuple[Message, Points] | None:
-        """Add one position; return a shape if one is complete [n, 3], and the last message in it.
+        """Add one position; return a shape if one is complete [n, 3], and its last message with all metadata.
 
         Raises ShapeError where more sensors than points of a frame have sent since one sent again; they begin
         anew.
@@ -95,7 +96,8 @@ class Rounds:
         return self._ended() if complete else whole
 
     def _ended(self) -> tuple[Message, Points]:
-        last = next(reversed(self._received.values()))
+        metadata = {name: text for each in self._received.values() for name, text in each.metadata.items()}
+        last = replace(next(reversed(self._received.values())), metadata=metadata)
         if self.learning and not set(self._received) <= set(self.names):
             self.names = sorted({*self.names, *self._received}, key=_natural)
         unknown = np.full((1, 3), np.nan)
