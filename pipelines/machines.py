@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from tssgeom.api.inputs import SensedFrames
     from tssgeom.api.machine_calls import MachineChannels
     from tssgeom.io.formats.runs import MeasuredRun
+    from tssgeom.route.pieces import Arcs
     from tssgeom.tendon.commander import Policy
     from tssgeom.tendon.machine import Machine
 
@@ -74,8 +75,10 @@ def compensate_machine(
     run = measured_run(target, settings)
     sensed = sensed_route(shapes, settings)
     with errors_naming(target, shapes):
-        machine = _machine(shapes, sensed, settings)
-        done = commanded_machine(run, machine, tolerance=tolerance, policy=policy)
+        arcs = _first_route(shapes, sensed)
+        done = commanded_machine(
+            run, arcs, settings.rig, settings.uncertain, tolerance=tolerance, policy=policy
+        )
     for warning in done.warnings:
         print_message(f"{target}: warning: {warning}")
     table = out / "compensate.parquet"
@@ -97,10 +100,14 @@ def _machine(shapes: Path | None, sensed: SensedFrames, settings: RunSettings) -
     """Return the rig on a shape, the same for all tendons; of a recording on its first one."""
     from tssgeom.api.machine_calls import machine_on
 
+    return machine_on(_first_route(shapes, sensed), settings.rig)
+
+
+def _first_route(shapes: Path | None, sensed: SensedFrames) -> list[Arcs]:
     first, *others = sensed.results
     if others:
         print_message(f"{shapes}: warning: a machine stands on one route: the first frame is used")
-    return machine_on([first.arcs], settings.rig)
+    return [first.arcs]
 
 
 def _write_figures(folder: Path | None, title: str, run: MeasuredRun, done: MachineChannels) -> list[Path]:

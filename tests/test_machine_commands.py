@@ -1,10 +1,12 @@
 """Commands of a joint in a stream: limits, policy, errors, and a drive whose record lags."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from msgspec.structs import replace as changed
+from scipy.special import ndtr
 
 from tests.tendon.test_machine import rig
 from tests.test_machine_stream import ANGLE, POINTS, TIME, carried, simulated
@@ -14,7 +16,7 @@ from tssgeom.frame import fit_frame
 from tssgeom.io.formats.runs import MeasuredRun
 from tssgeom.io.formats.states import read_state, write_state
 from tssgeom.mechanism import Drive, DriveLimits
-from tssgeom.rig import Sensor
+from tssgeom.rig import Sensor, with_values
 from tssgeom.tendon.commander import commander_of
 from tssgeom.tendon.machine import machine_of, routed
 from tssgeom.tendon.machine_command import command_machine
@@ -130,8 +132,32 @@ def test_commands_are_what_the_sensor_of_the_motor_reads():
     tracked = fit_frame(Frame(POINTS, 0.0), hardware)[1]
     machine = machine_of(hardware, [routed(tracked.fit.arcs, hardware)])
     run = MeasuredRun("target", Path("target.csv"), TIME, of_machine={"joint_angle_rad": TARGET})
-    done = commanded_machine(run, machine)
+    done = commanded_machine(run, [tracked.fit.arcs], hardware)
     read = {"time_s": TIME, "motor_angle_rad": done.channels["motor_angle_rad"]}
     np.testing.assert_allclose(simulate_machine(machine, read)["joint_angle_rad"], TARGET, atol=1e-6)
     got = [command_of(each).motor_angle for each in commanded(hardware, TARGET)]
     np.testing.assert_allclose(got, done.channels["motor_angle_rad"], atol=1e-5)
+
+
+def test_commands_of_a_run_know_how_far_uncertain_numbers_may_turn_the_joint_elsewhere():
+    hardware, sd = pair(), 5e-5
+    arcs = [fit_frame(Frame(POINTS, 0.0), hardware)[1].fit.arcs]
+    arcs = [replace(arcs[0], covariance=0.0 * arcs[0].covariance)]
+    rho = hardware.tendon.compliance_per_N
+    uncertain = [Uncertain("tendon.compliance_per_N", Prior(rho, sd, log=False), stated=True)]
+    run = MeasuredRun("target", Path("target.csv"), TIME, of_machine={"joint_angle_rad": TARGET})
+    plain = commanded_machine(run, arcs, hardware)
+    done = commanded_machine(run, arcs, hardware, uncertain, tolerance=1e-5)
+    assert "joint_angle_se_rad" not in plain.channels
+    read = {"time_s": TIME, "motor_angle_rad": plain.channels["motor_angle_rad"]}
+    low, high = (
+        simulate_machine(machine_of(rig, [routed(arcs[0], rig)]), read)["joint_angle_rad"]
+        for rig in (with_values(hardware, {"tendon.compliance_per_N": rho + by}) for by in (-sd, sd))
+    )
+    error = done.channels["joint_angle_se_rad"]
+    np.testing.assert_allclose(error, 0.5 * np.abs(high - low), rtol=0.02, atol=1e-5)
+    far = 2.0 * ndtr(-1e-5 / (hardware.end.radius_m * error.max()))
+    assert done.channels["out_of_tolerance"].max() == pytest.approx(far, rel=1e-3)
+    assert "may be missed by more than 0.01 mm" in done.warnings[0]
+    sure = commanded_machine(run, arcs, hardware, uncertain, tolerance=1.0)
+    assert not sure.warnings

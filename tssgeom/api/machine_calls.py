@@ -19,10 +19,12 @@ from tssgeom.mechanism import tendon_count
 from tssgeom.result import Result
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
+from tssgeom.tendon.command_error import MOST_OUTSIDE, outside
 from tssgeom.tendon.commander import Policy
 from tssgeom.tendon.machine import Machine, machine_of, route_of_rig, routed
 from tssgeom.tendon.machine_channels import as_read, without_zero
 from tssgeom.tendon.machine_command import command_machine
+from tssgeom.tendon.machine_commander import joint_errors
 from tssgeom.tendon.machine_simulation import drive_of, simulated
 from tssgeom.uncertain import Uncertain
 
@@ -77,12 +79,19 @@ def simulated_machine(run: MeasuredRun, machine: Machine) -> MachineChannels:
 
 
 def commanded_machine(
-    run: MeasuredRun, machine: Machine, *, tolerance: float | None = None, policy: Policy = "cross"
+    run: MeasuredRun,
+    arcs: Sequence[Arcs],
+    rig: Rig,
+    uncertain: Sequence[Uncertain] = (),
+    *,
+    tolerance: float | None = None,
+    policy: Policy = "cross",
 ) -> MachineChannels:
     """Return the angles of the motor that turn the joint along the target of a run, as its sensor reads them.
 
     With the policy `wait` the motor is held inside the dead zone while the joint misses its target by no more
-    than the tolerance at its lever arm [m]. A motor that follows its command later gets it earlier.
+    than the tolerance at its lever arm [m]. A motor that follows its command later gets it earlier. Where a
+    tolerance is given, or numbers of the rig are `uncertain`, the joint has a standard error too.
 
     Raises
     ------
@@ -96,7 +105,7 @@ def commanded_machine(
     columns = _complete(run)
     if tolerance is not None and not 0.0 < tolerance < math.inf:
         raise SettingsError(f"--tolerance-mm is {1e3 * tolerance:g} mm: give a finite value > 0 mm")
-    target, rig = columns[TARGET], machine.rig
+    target, machine = columns[TARGET], machine_on(arcs, rig)
     least = None if policy == "cross" else (tolerance or 0.0) / (rig.end.radius_m or 1.0)
     load = without_zero(columns, "joint_torque_Nm", rig)
     commands = command_machine(machine, run.time, target, load, near_enough=least)
@@ -106,7 +115,6 @@ def commanded_machine(
     for which in range(machine.count):
         channels[f"tension_in_{which + 1}_N"] = commands.ends[:, which, 0]
         channels[f"displacement_in_{which + 1}_m"] = commands.ends[:, which, 2]
-    miss = np.abs(commands.joint_angle - target)
     cut = [name for name in dict.fromkeys(commands.limited) if name]
     causes = {
         "targets are out of reach": ~commands.reached,
@@ -115,9 +123,21 @@ def commanded_machine(
             for name in cut
         },
     }
+    if tolerance is not None or any(each.stated for each in uncertain):
+        given = {name: columns[name] for name in columns.keys() & {"joint_torque_Nm"}}
+        driven = {"time_s": run.time, "motor_angle_rad": read, **given}
+        channels["joint_angle_se_rad"] = joint_errors(arcs, rig, driven, uncertain)
     if tolerance is not None:
-        beyond = f"targets are missed by more than {1e3 * tolerance:g} mm at the lever arm of the joint"
-        causes[beyond] = miss * rig.end.radius_m > tolerance
+        miss, error = (
+            rig.end.radius_m * each
+            for each in (commands.joint_angle - target, channels["joint_angle_se_rad"])
+        )
+        risk = np.array(
+            [outside(*each, tolerance) for each in zip(miss.tolist(), error.tolist(), strict=True)]
+        )
+        channels["out_of_tolerance"] = risk
+        beyond = f"targets may be missed by more than {1e3 * tolerance:g} mm at the lever arm of the joint"
+        causes[f"{beyond} with a probability above {100.0 * MOST_OUTSIDE:g} %"] = risk > MOST_OUTSIDE
     rows = [(said, np.flatnonzero(are)) for said, are in causes.items()]
     warnings = tuple(
         f"{len(at)} {said}, the first at {run.time[at[0]]:g} s: "

@@ -260,10 +260,9 @@ def compensate(  # pyright: ignore[reportInconsistentOverload]
     known, uncertain = uncertain_rig_of(rig)
     run, moving = run_of(arcs, known), route_of(state, known, unit)
     if known.is_machine:
-        from tssgeom.api.machine_calls import commanded_machine, machine_on
+        from tssgeom.api.machine_calls import commanded_machine
 
-        machine = machine_on(moving.arcs[:1], known)
-        return commanded_machine(run, machine, tolerance=tolerance, policy=policy)
+        return commanded_machine(run, moving.arcs[:1], known, uncertain, tolerance=tolerance, policy=policy)
     commander = commander_of(known, uncertain, tolerance=tolerance, policy=policy)
     warnings = warnings_of_run(run, known, moving, fitted=False)
     name, target = run.channel(_TARGETS)

@@ -10,15 +10,16 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from tssgeom.arrays import read_only
+from tssgeom.arrays import Matrix, Vector, read_only
 from tssgeom.mechanism import per_motor_angle
 from tssgeom.rig import Rig, with_values
 from tssgeom.route.pieces import Arcs
 from tssgeom.route.resolution import NO_ERRORS, SharedErrors
 from tssgeom.tendon.command_error import is_near, outside, spread_of
+from tssgeom.tendon.machine import machine_of, routed
 from tssgeom.tendon.machine_channels import as_read
 from tssgeom.tendon.machine_command import MayWait
-from tssgeom.tendon.machine_simulation import drive_channels
+from tssgeom.tendon.machine_simulation import drive_channels, simulated
 from tssgeom.tendon.machine_stream import (
     JOINT_TARGET,
     CarriedMachine,
@@ -69,12 +70,16 @@ class MachineVariant:
         """Return it with the state of the machine before, where it has none of its own."""
         return self if self.state.history is not None else replace(self, state=replace(state, machine=None))
 
+    def bent_route(self, arcs: Arcs, total_angle_se: float) -> Arcs:
+        """Return a route bent more, its angle having a standard error [rad]."""
+        if not self.bent or arcs.total_angle <= 0.0:
+            return arcs
+        more = self.bent * total_angle_se / arcs.total_angle
+        return replace(arcs, angle=read_only(arcs.angle * max(1.0 + more, 0.0)))
+
     def after(self, readings: Mapping[str, float], at: Moved) -> MachineVariant:
         """Return it after a frame."""
-        arcs = at.arcs
-        if self.bent and arcs.total_angle > 0.0:
-            more = self.bent * at.shared.on(arcs).total_angle_se / arcs.total_angle
-            arcs = replace(arcs, angle=read_only(arcs.angle * max(1.0 + more, 0.0)))
+        arcs = self.bent_route(at.arcs, at.shared.on(at.arcs).total_angle_se) if self.bent else at.arcs
         moment = replace(at, arcs=arcs).moved(self.state, self.rig, readings)
         assert moment.state.history is not None
         joint = float(moment.state.history.state.coordinate[0])
@@ -140,8 +145,42 @@ class MachineCommander:
 
 def _spread(variants: Sequence[MachineVariant]) -> float:
     """Return how far the joints of variants are apart [rad], two of each number."""
-    angles = np.array([[each.joint] for each in variants])
-    return float(spread_of(angles, np.full(len(angles), 0.5))[0]) if len(angles) else 0.0
+    return float(_spread_of(np.array([[each.joint] for each in variants]))[0]) if variants else 0.0
+
+
+def _spread_of(angles: Matrix) -> Vector:
+    return spread_of(angles, np.full(len(angles), 0.5))
+
+
+def joint_errors(
+    arcs: Sequence[Arcs], rig: Rig, run: Mapping[str, Vector], uncertain: Sequence[Uncertain]
+) -> Vector:
+    """Return the standard error of a joint under commands, by its routes and its rig [n] [rad].
+
+    Parameters
+    ----------
+    arcs
+        Routes as sensed, one for all tendons or one for each.
+    rig
+        The machine.
+    run
+        Columns: `time_s`, `motor_angle_rad` as commanded, and what acts on the joint.
+    uncertain
+        Numbers of the rig that have a standard deviation.
+
+    Raises
+    ------
+    SettingsError
+        Where a number is out of bounds a standard deviation from its value.
+    FitError
+        Where a machine has no equilibrium there.
+    """
+    angles = list[Vector]()
+    for each in machine_commander_of(rig, uncertain, waits=True).variants:
+        routes = [routed(each.bent_route(one, one.total_angle_se), each.rig) for one in arcs]
+        done = simulated(machine_of(each.rig, routes), run, drive="motor_angle_rad")
+        angles.append(done.channels["joint_angle_rad"])
+    return _spread_of(np.array(angles))
 
 
 def machine_commander_of(
