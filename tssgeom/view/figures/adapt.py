@@ -9,10 +9,9 @@ from matplotlib.figure import Figure
 from tssgeom.adapt.offline import FollowedRun
 from tssgeom.arrays import Vector
 from tssgeom.statistics import NORMAL_95
-from tssgeom.view.figures.plots import BLUE, ORANGE, PAGE, SKY, figure, measured, note
+from tssgeom.view.figures.plots import BAND, BLUE, ORANGE, PAGE, SKY, figure, measured, note
 from tssgeom.view.quantities import quantity
 
-_BAND = "#c9dcea"
 _HEIGHT = 1.35  # of a row of the figure [inch]; chosen: the bands can be read
 _LETTER = 0.0115  # width of a letter over that of the axes; measured at 7.5 pt over 150 mm, rounded up
 _BEFORE, _AFTER = (
@@ -78,7 +77,7 @@ def draw_number(axes: Axes, run: FollowedRun, key: str) -> Axes:
         bound = factor * NORMAL_95 * numbers.se[:, at]
         hidden = "_" if i else ""  # one line in the legend for all stretches
         low, high = value - bound, value + bound
-        axes.fill_between(time, low, high, color=_BAND, linewidth=0, label=f"{hidden}95 % band")
+        axes.fill_between(time, low, high, color=BAND, linewidth=0, label=f"{hidden}95 % band")
         filtered = factor * numbers.filtered[:, at]
         axes.plot(time, filtered, color=SKY, linewidth=0.8, label=f"{hidden}filtered")
         axes.plot(time, value, color=BLUE, linewidth=1.5, label=f"{hidden}smoothed")
@@ -105,7 +104,7 @@ def _draw_channel(axes: Axes, run: FollowedRun, channel: str, read: Vector | Non
     window = (run.time >= middle - _BEFORE) & (run.time <= middle + _AFTER)
     time, value = run.time[window], of.factor * every[window]
     bound = NORMAL_95 * of.factor * errors[window]
-    axes.fill_between(time, value - bound, value + bound, color=_BAND, linewidth=0, label="95 % band")
+    axes.fill_between(time, value - bound, value + bound, color=BAND, linewidth=0, label="95 % band")
     axes.plot(time, value, color=SKY, linewidth=1.2, label="filtered")
     if read is not None:
         measured(axes, time, of.factor * read[window])

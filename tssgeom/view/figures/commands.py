@@ -13,6 +13,7 @@ from tssgeom.tendon.command import Command
 from tssgeom.tendon.command_error import MOST_OUTSIDE, bound
 from tssgeom.tendon.design import Tried
 from tssgeom.view.figures.plots import (
+    BAND,
     BLUE,
     GREEN,
     INK,
@@ -29,7 +30,6 @@ from tssgeom.view.quantities import DISPLACEMENT_IN, DISPLACEMENT_OUT, TENSION_I
 _ACROSS = "angle of the added curve β [°]"
 
 
-_BAND = "#c9dcea"
 _HEIGHT = 4.4  # inch; chosen: three rows and a legend
 
 
@@ -66,7 +66,7 @@ def draw_commands(
 ) -> Axes:
     """Draw where commands bring the distal end, with 95 % bounds, beside the target; as `command_figure`."""
     of, reached, error = _reached(commands, by_tension=by_tension)
-    axes.fill_between(time, reached - error, reached + error, color=_BAND, linewidth=0, label="95 % bounds")
+    axes.fill_between(time, reached - error, reached + error, color=BAND, linewidth=0, label="95 % bounds")
     axes.plot(time, reached, color=BLUE, linewidth=1.4, label="commanded")
     wanted = of.factor * target
     axes.plot(time, wanted, color=INK, linestyle=(0, (4, 1.5)), linewidth=1.0, label="target")
@@ -91,7 +91,7 @@ def draw_missed(
     """Draw how far from the target commands bring the distal end, with 95 % bounds; as `command_figure`."""
     of, reached, error = _reached(commands, by_tension=by_tension)
     left = reached - of.factor * target
-    axes.fill_between(time, left - error, left + error, color=_BAND, linewidth=0, label="95 % bounds")
+    axes.fill_between(time, left - error, left + error, color=BAND, linewidth=0, label="95 % bounds")
     axes.plot(time, left, color=BLUE, linewidth=1.2)
     titles(axes, "Distal end less target", TIME.title, f"less target\n[{of.unit}]")
     return axes

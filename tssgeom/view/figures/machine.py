@@ -14,9 +14,11 @@ from tssgeom.arrays import Vector
 from tssgeom.identify.calibrated_pieces import CalibratedPiece
 from tssgeom.identify.machine_estimates import MachineCalibration, MachineEstimate
 from tssgeom.identify.machine_run import MachineRun
+from tssgeom.statistics import NORMAL_95
 from tssgeom.tendon.machine_simulation import drive_channels
 from tssgeom.view import colours
 from tssgeom.view.figures.plots import (
+    BAND,
     BLUE,
     MEASURED,
     PAGE,
@@ -48,12 +50,17 @@ def computed_figure(
     """
     time = channels["time_s"]
     rows = dict[str, list[str]]()
+    error = channels.get("joint_angle_se_rad")
     for each in channels:
-        if each != "time_s":
+        if each not in ("time_s", "joint_angle_se_rad", "out_of_tolerance"):
             rows.setdefault(_NUMBER.sub("", each), []).append(each)
     with figure((PAGE, _ROW * len(rows) + 0.5)) as drawing:
         every = drawing.subplots(len(rows), 1, sharex=True, squeeze=False)[:, 0]
         for axes, each in zip(every, rows.values(), strict=True):
+            if each == ["joint_angle_rad"] and error is not None:
+                of, bound = quantity(*each), NORMAL_95 * error
+                ends = (of.factor * (channels[each[0]] + by) for by in (-bound, bound))
+                axes.fill_between(time, *ends, color=BAND, linewidth=0, label="95 % bounds")
             _draw_computed(axes, time, {name: channels[name] for name in each}, readings, given)
         every[0].set_title(name)
         every[-1].set_xlabel(TIME.title)

@@ -27,6 +27,8 @@ INK, SOFT, FAINT = colours.TENSION_IN, "#697386", "#e8ebf0"
 BLUE, ORANGE, PURPLE = colours.TENSION_OUT, colours.ELONGATION, colours.ANGLE
 GREEN, SKY = "#009e73", "#56b4e9"
 """Colours of Okabe and Ito (purple darkened), distinct on white to colour-blind people too."""
+BAND = "#c9dcea"
+"""Of what lies within bounds."""
 
 MEASURED: Any = {
     "linestyle": "none",
