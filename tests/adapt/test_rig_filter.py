@@ -47,6 +47,21 @@ def test_members_are_the_tendons_of_predict(drive):
         assert ends[0] == pytest.approx(known["tension_in_N"][i], abs=1e-6)
 
 
+def test_a_member_steps_as_it_does_alone_whatever_those_before_it_do():
+    numbers = [number("friction.coefficient", 0.145, 0.03)]
+    one = RigFilter(RIG, numbers, ARCS)
+    for i, position in enumerate((1e-3, 3e-3, 2.8e-3, 2.9e-3)):
+        moment = Moment(0.1 * i, ARCS.scaled(angle=1.0 + 0.01 * i), Readings(5.0, position))
+        one.step(moment)
+        for back in (0.0, 5e-5, 5e-4):
+            all_of, read = np.arange(len(one.members)), np.full((len(one.members), 1), position - back)
+            ends = one._stepped(one.now, all_of, read, moment, 0.1, 0.1).ends
+            alone = [
+                one._stepped(one.now, all_of[j : j + 1], read[:1], moment, 0.1, 0.1).ends[0] for j in all_of
+            ]
+            np.testing.assert_allclose(ends, alone, rtol=1e-9, atol=1e-12)  # residuals are below 1e-10
+
+
 def test_straight_lines_are_the_plant_of_other_numbers():
     keys = ("friction.coefficient", "tendon.compliance_per_N", "route.angle_gain", "backlash.width_m")
     values, steps = (0.145, 3.16e-4, 1.0, 1e-4), (0.01, 1e-5, 0.03, 5e-5)

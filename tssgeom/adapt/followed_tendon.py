@@ -9,10 +9,12 @@ import msgspec
 import numpy as np
 
 from tssgeom.adapt.ensemble import Ensemble
+from tssgeom.adapt.followed import with_numbers
 from tssgeom.adapt.readings import FollowedRig
 from tssgeom.adapt.rig_filter import RigFilter
 from tssgeom.arrays import Vector, read_only
 from tssgeom.core.constants_tendon_rows import MEMORY
+from tssgeom.effects.kinds import Setup
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.bars.bar_state import BarState, to_corners
@@ -74,7 +76,8 @@ class OnSensedRoute:
         """Build the rig anew where its numbers have changed."""
         at = self._at
         if at is None or not (np.abs(known.values - at) <= CARRY.moved * known.se).all():
-            self.rig, self._at = self._built(now.rig_now()), known.values
+            values = dict(zip(known.keys, known.values.tolist(), strict=True))
+            self.rig, self._at = self._built(with_numbers(now.rig, values)), known.values
 
     def _built(self, rig: Rig) -> Rig:
         return rig
@@ -90,8 +93,10 @@ class FollowedTendon(OnSensedRoute):
     def __init__(self, rig: Rig) -> None:
         super().__init__(rig)
         self._sensors = rig.sensors
-        self._model: Model | None = None
-        self._model_of: tuple[Rig, Arcs, Arcs] | None = None
+        self._first: tuple[Rig, Arcs, Model] | None = None
+        """The model on the route on which the tendon was cut, and of what it is."""
+        self._model: tuple[Model, Arcs, Model] | None = None
+        """The same on the route on which the tendon lies."""
         self._felt: tuple[Arcs, float, Arcs] | None = None
         self._drive = (math.nan, True)
         self._way, self._front = 1, 0
@@ -128,14 +133,6 @@ class FollowedTendon(OnSensedRoute):
         if setup is None:
             along = to_corners(now.edge, memory.tension, self._way, route)
             return TendonState(along, route, time)
-        of = self.rig, now.cut, route
-        if (
-            self._model is None
-            or self._model_of is None
-            or any(one is not other for one, other in zip(of, self._model_of, strict=True))
-        ):
-            first = model_of(setup, now.cut, "tension_in_N", now.edge)
-            self._model, self._model_of = (first if route is now.cut else moved(first, route)), of
         _, _, displacement_in, displacement_out = known.ends.tolist()
         along = BarState(
             edge=now.edge,
@@ -149,9 +146,20 @@ class FollowedTendon(OnSensedRoute):
             by_force=by_force,
             span=span,
             front=self._front,
-            model=self._model,
+            model=self._model_on(now, setup, route),
         )
         return TendonState(along, route, time)
+
+    def _model_on(self, now: RigFilter, setup: Setup, route: Arcs) -> Model:
+        first, last = self._first, self._model
+        if first is None or first[0] is not self.rig or first[1] is not now.cut:
+            first = self.rig, now.cut, model_of(setup, now.cut, "tension_in_N", now.edge)
+            self._first = first
+        model = first[2]
+        if last is None or last[0] is not model or last[1] is not route:
+            last = model, route, model if route is now.cut else moved(model, route)
+            self._model = last
+        return last[2]
 
     def _slid(self, slip: Vector, stands: bool) -> int:
         """Return how many contacts from the drive on slid one way; as before where the drive stands."""

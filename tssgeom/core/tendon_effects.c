@@ -162,8 +162,11 @@ void tss_transmit_with_effects(
     double angle_variance = quadratic_form(p, pressed, covariance[p] + p, 2 * p);
     double tension_in = tension[0], tension_out = tension[k];
     double width = (double)way * (tss_answering(k, plant, memory, tension_out, way) - tension_in);
+    int64_t last = k - 1; /* a contact without friction slides by rounding alone */
+    while (last > 0 && laws.pulling[last] + laws.fitting[last] <= ROUNDING.relative && laws.force[last] == 0.0)
+        last--;
     int replied =
-        kept.slip[k - 1] == (double)way
+        kept.slip[last] == (double)way
         || width <= SOLVER.accepted * most(1.0, most(tension_out, tension_in)); /* docs/model.md (122) */
     double slid = 0.0;
     if (front == k) slid = total(p, angle);

@@ -54,6 +54,7 @@ int64_t tss_step_ensemble(
         } else set_cones_of(k, own);
         bar_laws laws = laws_of(k, own);
         bar_memory kept = memory_of(k, after[j]);
+        if (j > 0) memcpy(kept.slip, memory_of(k, after[j - 1]).slip, (size_t)k * sizeof(double));
         if (by_force != was_by_force) switch_drive(&kept, position[of], (int)by_force);
         step_room room = room_of(k, work[0]);
         begin_room(&laws, &room);
