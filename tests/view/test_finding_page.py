@@ -98,6 +98,8 @@ def test_a_new_rig_that_leaves_much_is_not_said_to_be_the_end() -> None:
     assert "release to pull" in step
     (step,) = next_steps(replace(finding, misfit=replace(left, after=little)))
     assert "use the new rig" in step
+    tied = replace(worked_finding("tie"), breaks_tie=(), misfit=replace(left, after=little))
+    assert "separates hidden bend from load dependent friction: --propose designs it" in next_steps(tied)[-1]
 
 
 def test_the_order_of_candidates_is_that_of_the_numbers_beside_them(tmp_path: Path) -> None:

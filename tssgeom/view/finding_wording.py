@@ -173,13 +173,16 @@ def next_steps(finding: Finding) -> list[str]:
             f"Repeat {names}, and add a fitted run on route {held[0].route}: the misfit there stays."
         )
     steps += _remainder(finding)
+    if not steps and finding.verdict == "tie" and (tied := effect_ties(finding)):
+        names = " from ".join(plain(name) for name in tied[0].names[:2])
+        steps.append(f"Measure a run that separates {names}: --propose designs it.")
     if not steps and finding.verdict == "law":
         more = "" if finding.is_machine else "; --propose designs the next run"
         steps.append(f"Use the new rig within what the law was learnt from{more}.")
     return steps or [
         "Measure nothing more for this finding: the refitted model explains these runs."
         if finding.verdict == "none"
-        else "No further measurement separates this effect from the others of the library: use the new rig."
+        else "These runs separate the effect from the others of the library: use the new rig."
     ]
 
 
