@@ -67,7 +67,7 @@ class Backlash(Effect, frozen=True):
 
 
 class LoadPlay(Effect, frozen=True):
-    """Play between the load and what measures its way; docs/model.md (316).
+    """Play between the load and what measures its way; docs/model.md (319).
 
     It starts engaged for pulling, and acts on a measured elongation too. Source: as that of `Backlash`.
     """

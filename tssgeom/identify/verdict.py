@@ -82,7 +82,7 @@ class Judgement:
 def judged(
     first: tuple[Problem, Fit], chosen: Selection, names: tuple[str, ...], held: HeldOut | None
 ) -> Judgement:
-    """Say what the selection amounts to; docs/model.md (113), (114)."""
+    """Say what the selection amounts to; docs/model.md (113), (114), (320)."""
     before, after = left_by(*first, held), left_by(chosen.problem, chosen.fit, held)
     reason = why_unknown([name_of(effect) for effect in chosen.fit.at.effects], before, after)
     if not reason and not chosen.fit.at.effects and held is not None and not held.explained(first[1].at):

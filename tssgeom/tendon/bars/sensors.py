@@ -1,4 +1,4 @@
-"""What the sensors of a rig read: gains, zeros, crosstalk, play, lags; docs/model.md (61), (62), (316)."""
+"""What the sensors of a rig read: gains, zeros, crosstalk, play, lags; docs/model.md (61), (62), (319)."""
 
 from collections.abc import Mapping
 from typing import Literal, TypeAlias, get_args
@@ -129,7 +129,7 @@ def with_histories(
 ) -> tuple[dict[str, Vector], Lags]:
     """Let channels that have play or lag do so, but not the drive; return their last values too.
 
-    Source: docs/model.md (62), (316).
+    Source: docs/model.md (62), (319).
     """
     read, lags, lag_of = dict(channels), dict[Channel, tuple[float, float]](), dict(setup.lags)
     if setup.load_play_m > 0.0:
