@@ -145,7 +145,8 @@ def fit_frame(
     if source != (None, None) and tracked.age % _ERRORS_EVERY == 0:
         errors = posterior_of_source(fit, *source)
     elif tracked.age == 0:
-        fit, errors = with_hidden_errors(fit, shape.points, fit.noise * share)
+        estimated = stated is None or contradicted
+        fit, errors = with_hidden_errors(fit, shape, fit.noise * share if estimated else None)
     if last is None or tracked.age == 0:
         first, left = fit.noise * share, 0.0 if now is None else now.noise
     else:

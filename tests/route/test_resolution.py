@@ -120,12 +120,53 @@ def test_points_without_any_noise_count_their_short_bends_as_errors_and_say_so()
     course = harmonic_course(np.random.default_rng(4))
     exact = positions(course, np.linspace(0.0, course.total_length, 200))
     result = analyse(exact)
-    assert any("no noise" in text and "[shape] source" in text for text in result.warnings)
+    assert any("less noise" in text and "[shape] source" in text for text in result.warnings)
     hidden = result.arcs.total_angle - angle_over_resolution(result.tracked.fit, np.array([0.05]))[0]
     assert result.arcs.total_angle_se > 0.9 * hidden > 0.0
     stated = analyse(exact, from_source("markers"))
     assert not any("source" in text for text in stated.warnings)
     assert stated.arcs.total_angle_se < 0.5 * hidden
+
+
+@pytest.mark.parametrize("count", [20, 150])
+def test_points_that_a_program_smoothed_have_wide_intervals_and_a_warning(count):
+    held, missed, warned = 0, 0, 0
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        course = (harmonic_course(rng), ARCS)[seed % 3 == 0]
+        s = np.linspace(0.0, course.total_length, count)
+        waves = np.cos(np.outer(s / course.total_length, np.pi * np.arange(1, 7)))
+        points = positions(course, s) + 5e-4 * course.total_length * waves @ rng.standard_normal((6, 3))
+        for source in (None, "markers"):
+            result = analyse(points, from_source(source))
+            within = abs(result.arcs.total_angle - course.total_angle) < 1.96 * result.arcs.total_angle_se
+            held, missed = held + (within and not source), missed + (not within and bool(source))
+            warned += any("less noise than sensors" in text for text in result.warnings)
+    assert held >= 11
+    assert missed >= 3
+    assert warned >= 8
+
+
+def test_arcs_through_points_up_to_rounding_were_computed_and_not_smoothed():
+    for count in (12, 60):
+        points = positions(ARCS, np.linspace(0.0, ARCS.total_length, count))
+        result, alone = analyse(points), analyse(points, from_source("markers"))
+        assert not result.warnings
+        assert result.arcs.total_angle_se == alone.arcs.total_angle_se
+
+
+def test_without_source_or_noise_a_length_holds_errors_that_neighbours_share():
+    held, alone = 0, 0
+    for seed in range(20):
+        points = sensed(ARCS, 0.2, 6e-4, seed, white=6e-4)
+        for rig, stated in ((Rig(), False), (from_source(None, noise_mm=0.3), True)):
+            arcs = analyse(points, rig).arcs
+            k = len(arcs.length)
+            se = np.sqrt(arcs.covariance[:k, :k].sum())
+            within = abs(arcs.total_length - ARCS.total_length) < 1.96 * se
+            held, alone = held + (within and not stated), alone + (within and stated)
+    assert held >= 18
+    assert alone <= 16
 
 
 def test_many_short_bends_of_unknown_points_may_be_errors():

@@ -15,9 +15,11 @@ from typing import NamedTuple
 import numpy as np
 
 from tssgeom.arrays import Matrix, Vector
+from tssgeom.route.model_choice import model_probabilities
 from tssgeom.route.resolution import LIMITS as RESOLUTION
 from tssgeom.route.resolution import left_of_waves, without_twist
 from tssgeom.route.route import Route
+from tssgeom.statistics import EVEN
 from tssgeom.threads import single_threaded
 
 
@@ -54,6 +56,7 @@ class PosteriorGrid:
 
 
 GRID = PosteriorGrid()
+_HELD, _WIDTH = 0.95, 1.96  # share of an interval, and half its width [standard errors]; derived: normal
 _ORDERS = (3, 5)
 """Derivatives of the route that may be white noise, each as likely: the curvature changes at once, or is as
 smooth as the errors are."""
@@ -140,7 +143,7 @@ def error_posterior(route: Route, size: float, resolution: float) -> ErrorPoster
     Source: docs/model.md (230) to (232).
     """
     length, nodes = float(route.s[-1]), _even(route)
-    errors = [size * one for one in _errors(nodes / size, size / length)]
+    errors = [size * one for one in _errors(nodes / size, size / length, proven=True)]
     sampled, mean = (nodes - one for one in errors)
     longer = _chords(sampled) - _chords(nodes)
     axes, at = _axes(nodes), resolution / length
@@ -156,11 +159,37 @@ def error_posterior(route: Route, size: float, resolution: float) -> ErrorPoster
     )
 
 
+def possible_errors(route: Route, size: float, probability: float) -> ErrorPosterior:
+    """Return what errors of about a size [m] mean that a shape may exclude, and never proves; (317).
+
+    Parameters
+    ----------
+    route, size
+        As of `error_posterior`.
+    probability
+        That there are any [1]. The standard error of Φ is of the interval that holds 95 % of all cases, and
+        does not join that of white noise; that of the length does.
+    """
+    nodes, held = _even(route), 1.0 - (1.0 - _HELD) / max(probability, 1.0 - _HELD)
+    errors = [size * one for one in _errors(nodes / size, size / float(route.s[-1]), proven=False)]
+    sampled, mean = (nodes - one for one in errors)
+    axes = _axes(nodes)
+    angle = _angle(sampled, axes, 0.0)
+    known = 0.5 * (_angle(mean, axes, 0.0).mean() - angle.mean()) - _angle(nodes, axes, 0.0)
+    longer = np.mean((_chords(sampled) - _chords(nodes)) ** 2)
+    alone = probability * float(longer) + EVEN * 2.0 * route.noise**2 * math.exp(2.0 * GRID.size_deviation**2)
+    return ErrorPosterior(
+        angle_share=1.0,
+        angle=float(np.quantile(np.abs(angle + known), held)) / _WIDTH,
+        length=math.sqrt(alone),
+    )
+
+
 def _chords(nodes: np.ndarray) -> np.ndarray:
     return np.linalg.norm(np.diff(nodes, axis=-2), axis=-1).sum(axis=-1)
 
 
-def _errors(nodes: Matrix, relative: float) -> list[np.ndarray]:
+def _errors(nodes: Matrix, relative: float, *, proven: bool) -> list[np.ndarray]:
     """Draw the errors of nodes, both over the median size, and their mean for each draw [draws, n, 3].
 
     The median size is `relative` to the length.
@@ -169,7 +198,7 @@ def _errors(nodes: Matrix, relative: float) -> list[np.ndarray]:
     parts = [kernel.components @ nodes for kernel in kernels]
     intensity = np.geomspace(GRID.gentlest, GRID.sharpest, GRID.intensities) / relative**2
     log_p = np.array([_log_evidence(*one, intensity) for one in zip(kernels, parts, strict=True)])
-    p = _probability(log_p, np.array([kernel.log_prior for kernel in kernels]))
+    p = _probability(log_p, np.array([kernel.log_prior for kernel in kernels]), proven=proven)
     rng = np.random.default_rng(0)
     count = rng.multinomial(GRID.draws, (p / p.sum()).ravel()).reshape(p.shape)
     sampled = [
@@ -179,7 +208,7 @@ def _errors(nodes: Matrix, relative: float) -> list[np.ndarray]:
     return [np.concatenate(one) for one in zip(*sampled, strict=True)]
 
 
-def _probability(log_evidence: Matrix, log_prior: Vector) -> Matrix:
+def _probability(log_evidence: Matrix, log_prior: Vector, *, proven: bool) -> Matrix:
     """Probability of each kernel and intensity; (231).
 
     A bend that the models of the route lack would be taken for an error. So half of it is by evidence that
@@ -189,10 +218,8 @@ def _probability(log_evidence: Matrix, log_prior: Vector) -> Matrix:
     within = np.exp(log_evidence - most)
     evidence = most[:, 0] + np.log(within.sum(axis=1))
     none = evidence[np.isneginf(log_prior)].max()
-    excluded, proven = (
-        np.exp(one - one.max()) for one in (np.minimum(evidence, none) + log_prior, evidence + log_prior)
-    )
-    probability = excluded / excluded.sum() + proven / proven.sum()
+    counted = (np.minimum(evidence, none), evidence)[: 1 + proven]
+    probability = np.sum([model_probabilities(one + log_prior) for one in counted], axis=0)
     return probability[:, None] * within / within.sum(axis=1, keepdims=True)
 
 
@@ -224,7 +251,14 @@ def _even(route: Route) -> Matrix:
     first, second = route.position[i], route.position[i + 1]
     out, into = step[:, None] * route.tangent[i], step[:, None] * route.tangent[i + 1]
     way = t * t * (3.0 - 2.0 * t)
-    return first + way * (second - first) + t * (1.0 - t) * ((1.0 - t) * out - t * into)
+    return _in_own_axes(first + way * (second - first) + t * (1.0 - t) * ((1.0 - t) * out - t * into))
+
+
+def _in_own_axes(nodes: Matrix) -> Matrix:
+    """Return nodes [n, 3] [m] in axes that turn and are mirrored with them, so that draws of errors are."""
+    off, s = nodes - nodes[0], np.linspace(0.0, 1.0, len(nodes))
+    axes, along = np.linalg.qr(np.column_stack((off[1], off.mean(axis=0), s * s @ off)))
+    return off @ (axes * np.copysign(1.0, np.diag(along)))
 
 
 def _axes(nodes: Matrix) -> np.ndarray:

@@ -8,12 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from tssgeom.arrays import Points
+from tssgeom.core.constants import ROUNDING
 from tssgeom.core.constants_route import POINTS
 from tssgeom.rig import Source
 from tssgeom.route.bounds import LIMITS as BOUNDS
 from tssgeom.route.bounds import polygon
-from tssgeom.route.error_posterior import NO_POSTERIOR, ErrorPosterior, error_posterior
-from tssgeom.route.observations import NOISE_PRIOR
+from tssgeom.route.error_posterior import NO_POSTERIOR, ErrorPosterior, error_posterior, possible_errors
+from tssgeom.route.observations import NOISE_PRIOR, Shape
 from tssgeom.route.resolution import (
     LIMITS,
     SharedErrors,
@@ -23,9 +24,24 @@ from tssgeom.route.resolution import (
     without_errors,
 )
 from tssgeom.route.route_fit import RouteFit
+from tssgeom.statistics import EVEN
 
 _LAGS = 10  # neighbours before a point that its residual is compared with; chosen: two turns of five points
 _ALIKE = 0.5  # of the power of residuals, shared at a lag [1]; chosen: white noise has at most 0.27
+
+
+@dataclass(frozen=True, slots=True)
+class SmoothedPrior:
+    """How often points of no stated source were smoothed, and what noise that leaves; docs/model.md (316)."""
+
+    share: float = 0.25
+    """Share of such points [1]. Chosen: one source in four."""
+    decades: float = 6.0
+    """Decades below a sensor's typical noise in which theirs lies, each as likely [1]. Chosen: what is
+    stored of a millimetre has up to six digits."""
+
+
+SMOOTHED = SmoothedPrior()
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,32 +147,58 @@ def _unlike_noise(fit: RouteFit, points: Points) -> tuple[RouteFit, ErrorPosteri
     return warned, ErrorPosterior(1.0, hidden, max(chords - fit.arcs.total_length, 0.0))
 
 
-def with_hidden_errors(fit: RouteFit, points: Points, sensed_noise: float) -> tuple[RouteFit, ErrorPosterior]:
-    """Return what errors may mean for a route through points [n, 3] of no stated source, and a warning.
+def with_hidden_errors(fit: RouteFit, shape: Shape, noise: float | None) -> tuple[RouteFit, ErrorPosterior]:
+    """Return what errors may mean for a route through points of no stated source, and a warning; (316).
 
-    There are none where the points are few, where their noise is that of a sensor and short bends are few,
-    and where the estimator counts errors that neighbours share itself.
+    Parameters
+    ----------
+    fit
+        A route as fitted to its points, which counts their errors as independent.
+    shape
+        The points.
+    noise
+        Standard deviation of a coordinate of the points as sensed, estimated [m]; None where it is stated.
     """
-    if (unlike := _unlike_noise(fit, points)) is not None:
+    if (unlike := _unlike_noise(fit, shape.points)) is not None:
         return unlike
-    smooth = fit.chain is None and fit.spline is not None and fit.spline.shared_angle_error == 0.0
     length, angle = fit.arcs.total_length, fit.arcs.total_angle
-    if not smooth or len(fit.weight) < POINTS.few or angle <= 0.0:
+    counted = fit.spline is not None and fit.spline.shared_angle_error > 0.0
+    if counted or angle <= 0.0:
         return fit, NO_POSTERIOR
     at = SOURCES["smoothed"].resolution_share * length
-    noiseless = sensed_noise < LIMITS.noiseless * length
-    if not noiseless and share_of_short_bends(fit, at) <= LIMITS.hidden:
+    many = fit.chain is None and len(fit.weight) >= POINTS.few
+    bends = many and share_of_short_bends(fit, at) > LIMITS.hidden
+    probability = 1.0 if bends else _probability_of_smoothed(fit, noise)
+    if probability == 0.0:
         return fit, NO_POSTERIOR
-    hidden = _in_short_bends(fit)
-    why = (
-        "the points have no noise, as if smoothed by a program"
-        if noiseless
-        else "the route has many short bends"
-    )
-    fit = fit.warned(
-        f"{why}: ± Φ holds the {math.degrees(hidden):.2g}° of bends shorter than {1e3 * at:.3g} mm, which "
-        "may be errors of the points: state [shape] source"
-    )
-    errors = error_posterior(fit.route, NOISE_PRIOR.typical * length, 0.0)
-    less = angle * (1.0 - errors.angle_share)
-    return fit, ErrorPosterior(1.0, math.hypot(hidden, errors.angle, less), errors.length)
+    size = NOISE_PRIOR.typical * length
+    if probability > EVEN:
+        known, hidden = error_posterior(fit.route, size, 0.0), 0.0 if fit.chain else _in_short_bends(fit)
+        share = math.sqrt(probability)
+        shared = share * math.hypot(hidden, known.angle, angle * (1.0 - known.angle_share))
+        errors = ErrorPosterior(1.0, shared, share * known.length)
+        why = "the route has many short bends" if bends else "the points have less noise than sensors"
+        fit = fit.warned(
+            f"{why}, as if smoothed by a program: ± Φ holds {math.degrees(shared):.2g}° for errors that "
+            "neighbours share: state [shape] source"
+        )
+    else:
+        errors = possible_errors(fit.route, size, probability)
+        wider = max(errors.angle**2 - fit.arcs.total_angle_se**2, 0.0)
+        errors = errors._replace(angle=math.sqrt(wider))
+    measured = shape.length is not None or shape.stations is not None
+    return fit, errors._replace(length=0.0) if measured else errors
+
+
+def _probability_of_smoothed(fit: RouteFit, noise: float | None) -> float:
+    """Return how likely a program smoothed points that have an estimated noise [m]; (316).
+
+    Those of a stated noise are as stated; arcs through points up to rounding were computed.
+    """
+    relative = 0.0 if noise is None else noise / fit.arcs.total_length
+    if noise is None or (fit.chain is not None and relative < ROUNDING.relative):
+        return 0.0
+    smoothed = SMOOTHED.share / SMOOTHED.decades
+    off = min(math.log10(max(relative, 1e-300) / NOISE_PRIOR.typical), 0.0) / NOISE_PRIOR.decades
+    density = math.exp(-0.5 * off**2) / (math.sqrt(2.0 * math.pi) * NOISE_PRIOR.decades)
+    return smoothed / (smoothed + (1.0 - SMOOTHED.share) * density)
