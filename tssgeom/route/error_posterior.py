@@ -19,7 +19,7 @@ from tssgeom.route.model_choice import model_probabilities
 from tssgeom.route.resolution import LIMITS as RESOLUTION
 from tssgeom.route.resolution import left_of_waves, without_twist
 from tssgeom.route.route import Route
-from tssgeom.statistics import EVEN
+from tssgeom.statistics import EVEN, NORMAL_95
 from tssgeom.threads import single_threaded
 
 
@@ -56,7 +56,7 @@ class PosteriorGrid:
 
 
 GRID = PosteriorGrid()
-_HELD, _WIDTH = 0.95, 1.96  # share of an interval, and half its width [standard errors]; derived: normal
+_HELD = 0.95  # share of an interval that NORMAL_95 is of
 _ORDERS = (3, 5)
 """Derivatives of the route that may be white noise, each as likely: the curvature changes at once, or is as
 smooth as the errors are."""
@@ -180,7 +180,7 @@ def possible_errors(route: Route, size: float, probability: float) -> ErrorPoste
     alone = probability * float(longer) + EVEN * 2.0 * route.noise**2 * math.exp(2.0 * GRID.size_deviation**2)
     return ErrorPosterior(
         angle_share=1.0,
-        angle=float(np.quantile(np.abs(angle + known), held)) / _WIDTH,
+        angle=float(np.quantile(np.abs(angle + known), held)) / NORMAL_95,
         length=math.sqrt(alone),
     )
 
