@@ -184,7 +184,7 @@ def pulled(
         rig = follower.carried.rig
     most = moved.tension_in if command is None else max(moved.tension_in, command.tension_in)
     warnings = tuple(warnings_of(None, [*remarks, *strain_remarks(rig, length, most)]))
-    moved, transmission = _transmitted(state, moved, rig, stands, shared)
+    whole, moved, transmission = _transmitted(state, moved, rig, stands, fit, shared)
     known = None if follower is None else follower.known
     if known is not None:
         from tssgeom.adapt.followed_tendon import with_filter
@@ -196,7 +196,7 @@ def pulled(
         seq=seq,
         frame=frame,
         shape=shape,
-        fit=shared.beside(fit),
+        fit=whole,
         tracked=tracked,
         state=moved,
         transmission=transmission,
@@ -323,11 +323,12 @@ def _temperature_warnings(rig: Rig, frame: Frame) -> tuple[str, ...]:
 
 
 def _transmitted(
-    before: TendonState, now: TendonState, rig: Rig, stands: bool | None, shared: SharedErrors
-) -> tuple[TendonState, Transmission]:
-    """Return what the tendon transmits, with errors that all frames share: by those no route has moved."""
-    route = now.route
+    before: TendonState, now: TendonState, rig: Rig, stands: bool | None, fit: RouteFit, shared: SharedErrors
+) -> tuple[RouteFit, TendonState, Transmission]:
+    """Return fit and what the tendon transmits with errors that all frames share: none of them moves it."""
+    whole, route = shared.beside(fit), now.route
     if route is None or shared == NO_ERRORS:
-        return transmit_after(before, now, rig, stands)
-    moved, transmission = transmit_after(before, replace(now, route=shared.on(route)), rig, stands)
-    return replace(moved, route=route), transmission
+        return whole, *transmit_after(before, now, rig, stands)
+    with_shared = whole.arcs if route is fit.arcs else shared.on(route)
+    moved, transmission = transmit_after(before, replace(now, route=with_shared), rig, stands)
+    return whole, replace(moved, route=route), transmission

@@ -169,6 +169,15 @@ def test_without_source_or_noise_a_length_holds_errors_that_neighbours_share():
     assert alone <= 16
 
 
+def test_frames_of_unknown_points_do_not_average_what_neighbours_may_share():
+    frames = [Frame(sensed(ARCS, 0.02, 0.0, seed), 0.03 * seed) for seed in range(40)]
+    last = list(process(frames, Rig(), tension_in=5.0))[-1]
+    assert isinstance(last, FrameResult)
+    least = last.tracked.errors.least_angle
+    assert last.tracked.fit.arcs.total_angle_se < least
+    assert last.arcs.total_angle_se == pytest.approx(least, rel=1e-6)
+
+
 def test_many_short_bends_of_unknown_points_may_be_errors():
     points = sensed(ARCS, 0.02, 1e-3, 5)
     result = analyse(points)

@@ -71,6 +71,8 @@ class ErrorPosterior(NamedTuple):
     """Standard deviation of Φ [rad]."""
     length: float
     """Root mean square error of the length as fitted [m]."""
+    least_angle: float = 0.0
+    """Least standard error of Φ, which that of white noise may exceed and does not join [rad]."""
 
 
 NO_POSTERIOR = ErrorPosterior(angle_share=1.0, angle=0.0, length=0.0)
@@ -178,11 +180,8 @@ def possible_errors(route: Route, size: float, probability: float) -> ErrorPoste
     known = 0.5 * (_angle(mean, axes, 0.0).mean() - angle.mean()) - _angle(nodes, axes, 0.0)
     longer = np.mean((_chords(sampled) - _chords(nodes)) ** 2)
     alone = probability * float(longer) + EVEN * 2.0 * route.noise**2 * math.exp(2.0 * GRID.size_deviation**2)
-    return ErrorPosterior(
-        angle_share=1.0,
-        angle=float(np.quantile(np.abs(angle + known), held)) / NORMAL_95,
-        length=math.sqrt(alone),
-    )
+    least = float(np.quantile(np.abs(angle + known), held)) / NORMAL_95
+    return NO_POSTERIOR._replace(length=math.sqrt(alone), least_angle=least)
 
 
 def _chords(nodes: np.ndarray) -> np.ndarray:

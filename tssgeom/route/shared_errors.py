@@ -102,7 +102,8 @@ def with_shared_errors(
         )
     of_waves = slope if errors.size_share == 0.0 else 0.0  # else the posterior holds it
     angle = math.hypot(errors.angle_share * fit.arcs.total_angle, errors.angle, of_waves, known.angle)
-    return fit, SharedErrors(angle**2, math.hypot(errors.length_share * length, known.length) ** 2)
+    wider = max(angle**2, known.least_angle**2 - fit.arcs.total_angle_se**2)
+    return fit, SharedErrors(wider, math.hypot(errors.length_share * length, known.length) ** 2)
 
 
 def posterior_of_source(fit: RouteFit, source: Source | None, resolution: float | None) -> ErrorPosterior:
@@ -184,8 +185,6 @@ def with_hidden_errors(fit: RouteFit, shape: Shape, noise: float | None) -> tupl
         )
     else:
         errors = possible_errors(fit.route, size, probability)
-        wider = max(errors.angle**2 - fit.arcs.total_angle_se**2, 0.0)
-        errors = errors._replace(angle=math.sqrt(wider))
     measured = shape.length is not None or shape.stations is not None
     return fit, errors._replace(length=0.0) if measured else errors
 
