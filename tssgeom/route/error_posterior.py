@@ -15,7 +15,6 @@ from typing import NamedTuple
 import numpy as np
 
 from tssgeom.arrays import Matrix, Vector
-from tssgeom.route.model_choice import model_probabilities
 from tssgeom.route.resolution import LIMITS as RESOLUTION
 from tssgeom.route.resolution import left_of_waves, without_twist
 from tssgeom.route.route import Route
@@ -218,7 +217,8 @@ def _probability(log_evidence: Matrix, log_prior: Vector, *, proven: bool) -> Ma
     evidence = most[:, 0] + np.log(within.sum(axis=1))
     none = evidence[np.isneginf(log_prior)].max()
     counted = (np.minimum(evidence, none), evidence)[: 1 + proven]
-    probability = np.sum([model_probabilities(one + log_prior) for one in counted], axis=0)
+    weight = [np.exp(one + log_prior - np.max(one + log_prior)) for one in counted]
+    probability = np.sum([one / one.sum() for one in weight], axis=0)
     return probability[:, None] * within / within.sum(axis=1, keepdims=True)
 
 
