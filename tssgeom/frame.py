@@ -148,7 +148,7 @@ def fit_frame(
         estimated = stated is None or contradicted
         fit, errors = with_hidden_errors(fit, shape, fit.noise * share if estimated else None)
     if last is None or tracked.age == 0:
-        first, left = fit.noise * share, 0.0 if now is None else now.noise
+        first, left = fit.noise, 0.0 if now is None else now.noise
     else:
         first, left = last.first_noise, last.first_left
     return shape, replace(

@@ -101,7 +101,7 @@ class TrackedFit:
     noise_growth: float = 1.0
     """Noise that the next fit is expected to find over that of this one [1]."""
     first_noise: float = 0.0
-    """Noise of the fit from which the warm ones began, as sensed [m]."""
+    """Noise of the fit from which the warm ones began [m]."""
     first_left: float = 0.0
     """Noise that the filter left of the points of that fit [m]."""
     noise_bounded: bool = False
