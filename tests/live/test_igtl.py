@@ -13,10 +13,11 @@ from pyigtl.messages import CRC64, MessageBase
 
 from tests.live.conftest import Shared
 from tests.live.peers import half_circle
-from tests.live_process import PATIENCE, Reader
+from tests.live_process import PATIENCE, Reader, live
 from tssgeom.errors import ShapeError
 from tssgeom.io.network.igtl import HEADER, Message, header_of, message_of, route_message, text_message
-from tssgeom.io.network.igtl_peers import Rounds, _string
+from tssgeom.io.network.igtl_peers import _string
+from tssgeom.io.network.igtl_rounds import Rounds
 from tssgeom.io.network.mailbox import LIMITS
 
 POSITIONS = half_circle(29)  # not as many points as from other senders: the filter in time begins anew
@@ -48,6 +49,23 @@ def own_position(name: str, position: np.ndarray, time: float) -> bytes:
     message = pyigtl.StringMessage("", timestamp=time, device_name=name)
     message._message_type = "POSITION"
     message._pack_content = lambda: np.array([*position, 0, 0, 0, 1], ">f4").tobytes()
+    return message.pack()
+
+
+def tools(kind: str, named: dict[str, np.ndarray], time: float) -> bytes:
+    """Tracked tools in one TDATA or QTDATA, which the library lacks: name, type, a turn and a position."""
+    turn = {"TDATA": (np.eye(3).ravel(), True), "QTDATA": (np.array([0.0, 0.0, 0.0, 1.0]), False)}
+    numbers, is_first = turn[kind]
+    rows = (
+        (numbers, position) if is_first else (position, numbers)  # a matrix is sent column by column
+        for position in named.values()
+    )
+    content = b"".join(
+        name.encode().ljust(20, b"\0") + b"\2\0" + np.concatenate(row).astype(">f4").tobytes()
+        for name, row in zip(named, rows, strict=True)
+    )
+    message = pyigtl.StringMessage("", timestamp=time, device_name="Tracker")
+    message._message_type, message._pack_content = kind, lambda: content
     return message.pack()
 
 
@@ -110,6 +128,64 @@ def test_metadata_of_any_message_are_those_of_the_frame_and_the_newest_counts():
         shape = rounds.shape(replace(message, metadata=known))
     assert shape is not None
     assert shape[0].metadata == {"tension_in_N": "8", "id": "a"}
+
+
+@pytest.mark.parametrize("kind", ["TDATA", "QTDATA"])
+def test_each_message_that_lists_sensors_is_a_frame_in_the_order_of_their_names(peer, reader, kind):
+    order = np.random.default_rng(1).permutation(12)
+    peer.sendall(tools(kind, {f"Sensor{i + 1}": POSITIONS[2 * i] for i in order}, 24.0))
+    assert reported(reader, 24.0)["total_angle_rad"] == pytest.approx(np.pi * 22 / 28, rel=1e-3)
+    peer.sendall(tools(kind, {"Sensor1": POSITIONS[0], "sensor": POSITIONS[1]}, 25.0)[:-1] + b"?")
+    assert f"{kind} of 'Tracker': wrong checksum" in reader.answer()["rejected"]
+
+
+@pytest.mark.parametrize("kind", ["TDATA", "QTDATA"])
+def test_of_listed_sensors_those_named_make_the_frame_and_one_that_is_left_out_is_missing(kind):
+    def shape(rounds: Rounds, named: dict[str, np.ndarray]) -> np.ndarray:
+        data = tools(kind, named, 1.0)
+        message = message_of(header_of(data), data[HEADER:])
+        assert message is not None
+        return 1e3 * rounds.listed(message)
+
+    base, tip, other = POSITIONS[:3].astype(np.float32).astype(float)
+    unknown = [np.nan] * 3
+    named = Rounds(("tip", "base"), learning=False)
+    np.testing.assert_allclose(
+        shape(named, {"base": base, "other": other, "tip": tip}), [tip, base], rtol=1e-12
+    )
+    learned = Rounds((), learning=True)
+    np.testing.assert_allclose(shape(learned, {"S10": tip, "S9": base}), [base, tip], rtol=1e-12)
+    np.testing.assert_allclose(shape(learned, {"S10": tip}), [unknown, tip], rtol=1e-12)
+    assert shape(Rounds((), learning=True), {}).shape == (0, 3)
+    data = tools(kind, {"S1": base, "S2": tip}, 1.0).replace(b"S2", b"S1")
+    message = message_of(replace(header_of(data), checksum=CRC64(data[HEADER:])), data[HEADER:])
+    assert message is not None
+    with pytest.raises(ShapeError, match=f"{kind}: two sensors are named 'S1': give each"):
+        learned.listed(message)
+
+
+def test_a_server_that_is_not_reached_and_messages_that_are_not_read_are_reported_once_each(free_port):
+    with live("--source", f"igtl://127.0.0.1:{free_port}", "--sink", "-") as stream:
+        first = stream.said("not reachable")
+        assert f"igtl://127.0.0.1:{free_port}: not reachable yet (Connection refused): trying again" in first
+        with socket.create_server(("127.0.0.1", free_port)) as server:
+            server.settimeout(PATIENCE)
+            peer, _ = server.accept()
+            with peer:
+                for time in (1.0, 2.0):
+                    peer.sendall(pyigtl.StringMessage("hello", timestamp=time, device_name="chat").pack())
+                    image = pyigtl.ImageMessage(
+                        np.zeros((2, 2, 2), np.uint8), timestamp=time, device_name="us"
+                    )
+                    peer.sendall(image.pack())
+                peer.sendall(pyigtl.PointMessage(POSITIONS, timestamp=3.0, device_name="route").pack())
+                assert json.loads(stream.output.readline())["t"] == 3.0
+        assert stream.stop() == 0
+    reports = [text for text in stream.errors if "not re" in text]
+    assert len(reports) == 3
+    read = "messages are not read, only POINT, POLYDATA, POSITION, TRANSFORM, TDATA, QTDATA"
+    assert f"'STRING' {read}" in reports[1]
+    assert f"'IMAGE' {read}" in reports[2]
 
 
 def test_a_server_that_names_each_message_anew_is_refused_in_time_and_memory():

@@ -1,4 +1,4 @@
-"""OpenIGTLink messages: shapes out of POINT, POLYDATA, POSITION and TRANSFORM, results into POLYDATA, STRING.
+"""OpenIGTLink messages: shapes out of those in `SHAPES`, results into POLYDATA and STRING.
 
 Lengths are millimetres, as the protocol's users have them.
 """
@@ -30,9 +30,15 @@ _ASCII, _UTF_8 = 3, 106
 _ENCODINGS = {_ASCII: "ascii", 4: "latin-1", _UTF_8: "utf-8"}  # as IANA numbers them; another counts as UTF-8
 _POINT = np.dtype([("about", "S100"), ("position", ">f4", 3), ("more", "S24")])
 _LIST = np.dtype([("about", "S100"), ("position", ">f4", 3), ("turn", ">f4", 4), ("more", "S24")])
+_TOOL = np.dtype([("name", "S20"), ("about", "S2"), ("position", ">f4", 3), ("turn", ">f4", 4)])
+_TOOL_MATRIX = np.dtype([("name", "S20"), ("about", "S2"), ("turn", ">f4", 9), ("position", ">f4", 3)])
+LISTS = {"TDATA": _TOOL_MATRIX, "QTDATA": _TOOL}
+"""Messages that list sensors by name, and a row of each."""
+SHAPES = ("POINT", "POLYDATA", "POSITION", "TRANSFORM", *LISTS)
+"""Messages out of which shapes are read."""
 _POLYDATA = 40  # bytes with the numbers of points and cells
 _COORDINATE = ">f4"
-_KINDS = ("POINT", "POLYDATA", "POSITION", "TRANSFORM", "STRING")
+_KINDS = (*SHAPES, "STRING")
 _VERSIONS = (1, 2, 3)  # from 2 on, an extended header and metadata
 
 
@@ -60,6 +66,8 @@ class Message:
     metadata: dict[str, str]
     text: str = ""
     """Of a STRING."""
+    sensors: tuple[str, ...] = ()
+    """Names of the sensors [n], of a message that lists them."""
 
 
 def header_of(data: bytes | bytearray) -> Header:
@@ -95,8 +103,11 @@ def message_of(header: Header, body: bytes) -> Message | None:
         raise ShapeError(f"{header.kind} of {header.device!r}: broken extended header ({error})") from error
     if header.kind == "STRING":
         return Message(header, np.empty((0, 3)), metadata, _text(content))
-    positions = _positions(header, content)
-    return Message(header, positions.astype(np.float64) / PER_METRE["mm"], metadata)
+    positions, sensors = _positions(header, content), ()
+    if header.kind in LISTS:
+        names = np.frombuffer(content, LISTS[header.kind])["name"].tolist()
+        sensors = tuple(name.partition(b"\0")[0].decode("utf-8", "replace").strip() for name in names)
+    return Message(header, positions.astype(np.float64) / PER_METRE["mm"], metadata, sensors=sensors)
 
 
 def _extended(body: bytes) -> tuple[bytes, dict[str, str]]:
@@ -120,6 +131,8 @@ def _extended(body: bytes) -> tuple[bytes, dict[str, str]]:
 
 
 def _positions(header: Header, content: bytes) -> np.ndarray:
+    if header.kind in LISTS:
+        return _rows(header, content, LISTS[header.kind])
     if header.kind == "POINT":
         return _rows(header, content, _POINT)
     if header.kind == "POLYDATA":

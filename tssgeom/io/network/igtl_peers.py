@@ -5,12 +5,12 @@ from __future__ import annotations
 import errno
 import json
 import math
-import re
+import os
 import selectors
 import socket
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import partial
 from time import monotonic, perf_counter_ns
 
@@ -24,7 +24,9 @@ from tssgeom.io.network.addresses import Access, Endpoint, resolved
 from tssgeom.io.network.channel import WRITE, Channel
 from tssgeom.io.network.igtl import (
     HEADER,
+    LISTS,
     LONGEST_TEXT,
+    SHAPES,
     Header,
     Message,
     header_of,
@@ -32,7 +34,8 @@ from tssgeom.io.network.igtl import (
     route_message,
     text_message,
 )
-from tssgeom.io.network.mailbox import LIMITS, Mailbox, Sender
+from tssgeom.io.network.igtl_rounds import Rounds
+from tssgeom.io.network.mailbox import Mailbox, Sender
 from tssgeom.io.network.sinks import TcpSink
 from tssgeom.io.network.sources import Source
 from tssgeom.stream import Frame, FrameResult, Rejected
@@ -61,56 +64,6 @@ class Backoff:
 BACKOFF = Backoff()
 
 
-@dataclass(slots=True)
-class Rounds:
-    """Shapes out of sensors that send their positions one after the other.
-
-    A shape is complete when every sensor has sent its position, or when one of them sends again; a sensor
-    that has not is a point that was not observed. Its metadata are those of all its messages, the newest of
-    each name.
-    """
-
-    names: Sequence[str]
-    """The sensors, proximal to distal; by default all that send, in the order of their names."""
-    learning: bool
-    _received: dict[str, Message] = field(default_factory=dict)
-
-    def shape(self, message: Message) -> tuple[Message, Points] | None:
-        """Add one position; return a shape if one is complete [n, 3], and its last message with all metadata.
-
-        Raises ShapeError where more sensors than points of a frame have sent since one sent again; they begin
-        anew.
-        """
-        whole, device = None, message.header.device
-        if not self.learning and device not in self.names:
-            return None
-        if device in self._received:
-            whole = self._ended()
-        if self.learning and max(len(self._received) + 1, len(self.names)) > LIMITS.points:
-            self._received.clear()
-            self.names = ()
-            many = f"more than {LIMITS.points} sensors, the last is {device!r}"
-            raise ShapeError(f"{many}: name them in the address, ?sensors=A,B")
-        self._received[device] = message
-        complete = len(self._received) == len(self.names) and set(self.names) == set(self._received)
-        return self._ended() if complete else whole
-
-    def _ended(self) -> tuple[Message, Points]:
-        metadata = {name: text for each in self._received.values() for name, text in each.metadata.items()}
-        last = replace(next(reversed(self._received.values())), metadata=metadata)
-        if self.learning and not set(self._received) <= set(self.names):
-            self.names = sorted({*self.names, *self._received}, key=_natural)
-        unknown = np.full((1, 3), np.nan)
-        rows = [self._received[name].positions if name in self._received else unknown for name in self.names]
-        self._received.clear()
-        return last, np.concatenate(rows)
-
-
-def _natural(name: str) -> list[tuple[int, int | str]]:
-    """Order numbers inside names as numbers."""
-    return [(0, int(part)) if part.isdecimal() else (1, part) for part in re.split(r"(\d+)", name) if part]
-
-
 class IgtlSource(Source):
     """A client of an OpenIGTLink server; after a lost connection it tries again and again."""
 
@@ -129,6 +82,8 @@ class IgtlSource(Source):
         self._channel: Channel | None = None
         self._connecting: socket.socket | None = None
         self._pause, self._next = BACKOFF.first_s, 0.0
+        self._passed_over = set[str]()
+        self._called_since, self._is_reported = math.inf, False
         self._sender = Sender()
         self._begin()
 
@@ -140,12 +95,18 @@ class IgtlSource(Source):
         """Try to connect."""
         sock = socket.socket(self._family, socket.SOCK_STREAM)
         sock.setblocking(False)
-        if sock.connect_ex(self._address) not in (0, errno.EINPROGRESS):
+        error = sock.connect_ex(self._address)
+        if error not in (0, errno.EINPROGRESS):
             sock.close()
-            self._wait()
+            self._unreached(os.strerror(error))
             return
-        self._connecting = sock
+        self._connecting, self._called_since = sock, monotonic()
         self._selector.register(sock, WRITE, self._connected)
+
+    def tick(self) -> None:
+        """Report where the server lets the first call wait: a firewall answers nothing."""
+        if self._connecting is not None and monotonic() - self._called_since > BACKOFF.longest_s:
+            self._report_unreached("no answer")
 
     def close(self) -> None:
         """Close the connection."""
@@ -164,11 +125,12 @@ class IgtlSource(Source):
         if sock is None:
             return
         self._selector.unregister(sock)
-        if sock.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR):
+        if error := sock.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR):
             sock.close()
-            self._wait()
+            self._unreached(os.strerror(error))
             return
         self._begin()
+        self._is_reported = True
         self._channel = Channel(
             self._selector,
             sock,
@@ -177,6 +139,16 @@ class IgtlSource(Source):
             has_to_wait=lambda: self._mailbox.is_behind(self._sender),
         )
         self._report(f"{self.text}: connected")
+
+    def _unreached(self, why: str) -> None:
+        self._report_unreached(why)
+        self._wait()
+
+    def _report_unreached(self, why: str) -> None:
+        """Report once that the server was never reached."""
+        if not self._is_reported:
+            self._is_reported = True
+            self._report(f"{self.text}: not reachable yet ({why}): trying again until it is")
 
     def _gone(self) -> None:
         self._channel = None
@@ -206,14 +178,21 @@ class IgtlSource(Source):
             self._taken(header, body, now)
 
     def _taken(self, header: Header, body: bytes, now: int) -> None:
-        one = header.kind in ("TRANSFORM", "POSITION") or (
-            header.kind == "POINT" and header.size < _ONE_POINT
-        )
-        if one:
+        if header.kind not in SHAPES:
+            self._pass_over(header.kind)
+        elif header.kind not in ("POINT", "POLYDATA") or (
+            header.size < _ONE_POINT and header.kind == "POINT"
+        ):
             self._sensed(header, body, now)
-        elif header.kind in ("POINT", "POLYDATA"):
+        else:
             self._pause = BACKOFF.first_s
             self._mailbox.post(self._sender, partial(_decoded, header, body), now)
+
+    def _pass_over(self, kind: str) -> None:
+        """Report once that messages of a kind are not read; of few kinds, as a server may invent any."""
+        if kind not in self._passed_over and len(self._passed_over) < len(SHAPES):
+            self._passed_over.add(kind)
+            self._report(f"{self.text}: {kind!r} messages are not read, only {', '.join(SHAPES)}")
 
     def _sensed(self, header: Header, body: bytes, now: int) -> None:
         try:
@@ -224,11 +203,13 @@ class IgtlSource(Source):
         if message is None:
             return
         self._pause = BACKOFF.first_s
-        if len(message.positions) > 1:
-            self._mailbox.post(self._sender, partial(_frame_or_refusal, message, message.positions), now)
-            return
         try:
-            whole = self._rounds.shape(message)
+            if header.kind in LISTS:
+                whole = message, self._rounds.listed(message)
+            elif len(message.positions) > 1:
+                whole = message, message.positions
+            else:
+                whole = self._rounds.shape(message)
         except ShapeError as error:
             self._refuse(error, now)
             return
