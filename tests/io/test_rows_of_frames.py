@@ -142,6 +142,51 @@ def test_stations_that_count_the_points_name_their_column(tmp_path):
     assert open_recording(path, "mm").warnings == ()  # nor one of NumPy, of a difference
 
 
+def test_stations_without_a_unit_are_refused_by_their_own_name_and_numbers_of_sensors_named(tmp_path):
+    path = tmp_path / "em.csv"
+    rows = [f"{k + 1},{t},{4 * k},{0.1 * k * k},0" for t in (0, 25) for k in range(7)]
+    path.write_text("\n".join(["Station,Timestamp (ms),X (in),Y (in),Z (in)", *rows]), encoding="utf-8")
+    counted = 'if it numbers the points, give --map "Station=point", else state it: --map "Station=s_mm"'
+    with pytest.raises(
+        ShapeError, match=re.escape(f"column 'Station', read as arc length, has no unit: {counted}")
+    ):
+        open_recording(path)
+    assert [len(frame.points) for frame in frames_of(path, None, "Station=point")] == [7, 7]
+    path.write_text(path.read_text(encoding="utf-8").replace("\n7,", "\n60,"), encoding="utf-8")
+    with pytest.raises(ShapeError, match='has no unit: state it: --map "Station=s_mm"'):
+        open_recording(path)
+    stations = frames_of(path, None, "Station=s_mm")[0].stations
+    assert stations is not None
+    assert stations[-1] == 0.06
+
+
+@pytest.mark.parametrize(
+    ("times", "warning", "kept"),
+    [
+        ((0, 1, 2, 3, 1, 2, 4), "line 6: the clock jumps back from 3 s to 1 s: 2 rows of times that were", 5),
+        ((0, 1, 1, 2), "line 4: time 1 s is there twice: 1 row of a time that was there before left out", 3),
+        ((0, 2, 1, 3), "line 4: the clock jumps back from 2 s to 1 s: the frames are sorted by time", 4),
+        ((0, 1, 2, 3), None, 4),
+    ],
+)
+def test_of_rows_of_frames_with_one_time_the_first_is_kept_and_a_clock_that_jumps_back_is_stated(
+    tmp_path, times, warning, kept
+):
+    path = tmp_path / "em.csv"
+    head = ["time_s", "tension_in_N", *(f"S{k}_{axis}_mm" for k in range(5) for axis in "xyz")]
+    rows = [
+        ",".join([str(time), str(row), *(f"{10 * k},{k * k},{row}" for k in range(5))])
+        for row, time in enumerate(times)
+    ]
+    path.write_text("\n".join([",".join(head), *rows]), encoding="utf-8")
+    recording = open_recording(path)
+    assert [each.startswith(warning or "?") for each in recording.warnings] == [True] * (warning is not None)
+    frames = [frame for frame in recording if isinstance(frame, Frame)]
+    first = sorted({time: row for row, time in reversed([*enumerate(times)])}.items())
+    assert [(frame.time, frame.tension_in) for frame in frames] == first
+    assert len(frames) == len(recording) == kept
+
+
 @pytest.mark.parametrize("word", ["lost", "?"])
 def test_a_sensor_of_which_most_cells_are_words_is_refused_with_line_and_column(tmp_path, word):
     path = written(tmp_path / "em.csv", "S{point}_{axis}_mm")
@@ -214,13 +259,13 @@ def test_frames_that_a_logger_wrote_twice_are_read_once_with_their_lost_points(t
     assert "15 doubled rows left out" in open_recording(path).notes
 
 
-def test_frames_of_one_time_with_other_numbers_are_no_doubles(tmp_path):
+def test_of_frames_of_one_time_with_other_numbers_the_first_is_kept_with_a_warning(tmp_path):
     path = written(tmp_path / "polled.csv", "S{point}_{axis}_mm")
     head, *rows = path.read_text().splitlines()
     path.write_text("\n".join([head, rows[0], rows[0].replace("20.0", "21.5"), *rows[1:]]))
-    first = next(iter(open_recording(path).frames))
-    assert isinstance(first, Rejected)
-    assert "point 2 is there twice" in first.reason
+    recording = open_recording(path)
+    assert "time 0 s is there twice: 1 row of a time that was there before left out" in recording.warnings[0]
+    np.testing.assert_allclose(1e3 * frames_of(path)[0].points, POINTS[0], atol=1e-12)
 
 
 def test_a_row_a_point_without_numbers_whose_frames_are_there_twice_is_read_once(tmp_path):

@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from tssgeom.arrays import Matrix
+from tssgeom.arrays import Matrix, Vector
 from tssgeom.errors import ShapeError, TssgeomError
 from tssgeom.io.formats.columns import AXES, POINT, TIME, columns_of
 from tssgeom.io.formats.laboratory.mapping import NO_MAP, ColumnMap
 from tssgeom.io.formats.laboratory.names import EXACT, RECORDING, is_inert, meaning_of
-from tssgeom.io.formats.laboratory.table import laboratory_table
+from tssgeom.io.formats.laboratory.table import LaboratoryTable, laboratory_table
 from tssgeom.io.formats.laboratory.wide import has_size, point_columns
 from tssgeom.io.formats.longform import MOST_AT_ONCE, LongFrames, Rows, lowest_point, runs_of
 from tssgeom.io.formats.paths import PACKED, bytes_of, ending, reading, require_lines, size_of, split, stem
@@ -118,6 +118,8 @@ def _open_laboratory(path: Path, unit: str | None, said: ColumnMap, *, clean: bo
     if clean and read.faults:
         raise ShapeError(f"{path}: {next(iter(read.faults.values()))}")
     names = [*read.values] if read.is_points else [*read.values, *read.unread]
+    if unit is None and "s" in read.values and "s" in read.names:
+        _require_no_unitless_station(path, read)
     columns = columns_of(path, names, unit, [*read.names.values(), *read.unread])
     if not read.is_points:
         raise ShapeError(f"{path}: the cells of {', '.join(columns.axes)} are no numbers: mend the file")
@@ -130,14 +132,35 @@ def _open_laboratory(path: Path, unit: str | None, said: ColumnMap, *, clean: bo
     return replace(recording, warnings=warnings, notes=(*read.notes, *recording.notes))
 
 
+def _require_no_unitless_station(path: Path, read: LaboratoryTable) -> None:
+    """Refuse stations without a unit beside coordinates that have one, by their own name in the file."""
+    if all(axis in read.values for axis in AXES):
+        return
+    name, station = read.names["s"], read.values["s"]
+    hint = f'state it: --map "{name}=s_mm"'
+    if _are_numbers_of_points(station, read.values.get(TIME, np.zeros(len(station)))):
+        hint = f'if it numbers the points, give --map "{name}=point", else {hint}'
+    raise ShapeError(f"{path}: column {name!r}, read as arc length, has no unit: {hint}")
+
+
+def _are_numbers_of_points(numbers: Vector, time: Vector) -> bool:
+    """Whether numbers are 0 or 1 to the highest, each of them there, and ascend within each time."""
+    distinct = np.unique(numbers)
+    low = distinct[0]
+    if low not in (0.0, 1.0) or not np.array_equal(distinct, low + np.arange(len(distinct))):
+        return False
+    return bool((np.diff(numbers)[np.diff(time) == 0.0] > 0.0).all())
+
+
 def _recording(path: Path, kind: str, table: Table, names: Mapping[str, str] | None = None) -> Recording:
     if table.faults and not table.columns.timed:
         raise ShapeError(f"{path}: {next(iter(table.faults.values()))}{_more(len(table.faults) - 1)}")
     table, filled = _without_fill_values(table)
     table, doubled = _without_doubled(table)
+    table, clock = _with_each_time_once(table)
     columns = table.columns
     frames = LongFrames(table, runs_of(table), lowest_point(table))
-    warnings = (*columns.warnings, *_counted_stations(table, frames.runs[0], names or {}))
+    warnings = (*columns.warnings, *clock, *_counted_stations(table, frames.runs[0], names or {}))
     return Recording(
         *(stem(path), path, columns.unit, kind, columns.timed, len(frames.runs), frames, warnings),
         notes=(*filled, *doubled),
@@ -219,6 +242,41 @@ def _without_doubled(table: Table) -> tuple[Table, tuple[str, ...]]:
     return replace(table, values=values, number=table.number[kept]), (
         f"{int((~kept).sum())} doubled rows left out",
     )
+
+
+def _with_each_time_once(table: Table) -> tuple[Table, tuple[str, ...]]:
+    """Keep the first of the rows that have one time, in a table whose rows hold a frame each; warn of it."""
+    if not (table.columns.timed and table.columns.numbered):
+        return table, ()
+    begins = np.flatnonzero(np.diff(table.number, prepend=table.number[0] - 1))
+    if len(begins) == len(table):  # each row holds a point
+        return table, ()
+    time = table.values[TIME][begins]
+    known = np.flatnonzero(~np.isnan(time))
+    again = np.setdiff1d(known, known[np.unique(time[known], return_index=True)[1]])
+    back = np.flatnonzero(np.diff(time[known]) < 0.0)
+    if not len(again) and not len(back):
+        return table, ()
+    if len(back):
+        at, before = known[back[0] + 1], time[known[back[0]]]
+        warning = f"the clock jumps back from {before:.15g} s to {time[at]:.15g} s"
+    else:
+        at = again[0]
+        warning = f"time {time[at]:.15g} s is there twice"
+    what = "the frames are sorted by time"
+    if len(again):
+        rows = "1 row of a time that was" if len(again) == 1 else f"{len(again)} rows of times that were"
+        what = f"{rows} there before left out"
+    where = f"{table.number_name} {table.number[begins[at]]}"
+    kept = ~np.isin(np.repeat(np.arange(len(begins)), np.diff(begins, append=len(table))), again)
+    index = np.cumsum(kept) - 1
+    table = replace(
+        table,
+        values={name: column[kept] for name, column in table.values.items()},
+        number=table.number[kept],
+        faults={int(index[row]): fault for row, fault in table.faults.items() if kept[row]},
+    )
+    return table, (f"{where}: {warning}: {what}",)
 
 
 def _same(table: Table, rows: Rows, others: Rows) -> NDArray[np.bool_]:

@@ -116,7 +116,7 @@ def late(time: float, latest: float) -> str:
     """Return why a frame of this time cannot follow one of the `latest` time [s]."""
     if not math.isfinite(time):
         return f"the time of the frame is {time} s: give a finite time"
-    return f"time {time:g} s comes after {latest:g} s: put the frames in order, each once"
+    return f"time {time:.15g} s comes after {latest:.15g} s: put the frames in order, each once"
 
 
 def agreed_unit(path: Path, stated: str | None, given: str | None, hint: str) -> str:
