@@ -37,7 +37,7 @@ VALUES = {
     "int range": "whole number",
     "list[str]": "one or more texts",
     "list[Path]": "one or more paths",
-    "mm|m": "`mm` or `m`",
+    "mm|m|cm|in|dm|um|nm|ft|mil": "`mm`, `m`, `cm`, `in`, `dm`, `um`, `nm`, `ft` or `mil`",
 }
 """Kinds of values in words."""
 

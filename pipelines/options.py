@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 
 import typer
 
+from tssgeom.io.formats.lengths import LengthUnit
 from tssgeom.view.figures.style import StyleName
 
 TENSION_IN = 15.0
@@ -30,7 +31,7 @@ TensionIn = Annotated[
     ),
 ]
 Unit = Annotated[
-    Literal["mm", "m"] | None, typer.Option("--unit", help="Unit of files that state none in their header.")
+    LengthUnit | None, typer.Option("--unit", help="Unit of files that state none in their header.")
 ]
 Map = Annotated[
     list[str] | None,

@@ -13,11 +13,12 @@ STATIONS = 0.5 * ANGLE / np.pi
 def test_the_unit_of_an_array_is_that_of_its_points_and_stations():
     metres = analyse(POINTS, stations=STATIONS, unit="m")
     millimetres = analyse(1e3 * POINTS, stations=1e3 * STATIONS, unit="mm")
-    for result in (metres, millimetres):
+    inches = analyse(POINTS / 0.0254, stations=STATIONS / 0.0254, unit="in")
+    for result in (metres, millimetres, inches):
         assert result.profile.length == pytest.approx(0.5, rel=1e-3)  # a chord of 1/40 of a half circle
     assert millimetres.profile.total_angle == pytest.approx(metres.profile.total_angle, rel=1e-9)
-    with pytest.raises(SettingsError, match="unit is 'cm': give 'mm' or 'm'"):
-        analyse(POINTS, unit="cm")
+    with pytest.raises(SettingsError, match="unit is 'inch': give one of 'mm', 'm', 'cm', 'in', "):
+        analyse(POINTS, unit="inch")
 
 
 def test_a_unit_beside_what_has_its_own_is_refused(tmp_path):
@@ -40,7 +41,7 @@ def test_a_tension_that_is_no_number_is_refused_by_its_name_and_unit(wrong):
 def test_errors_of_files_name_the_parameters_of_python(tmp_path):
     path = tmp_path / "points.csv"
     np.savetxt(path, POINTS, delimiter=",", header="x,y,z", comments="")
-    with pytest.raises(ShapeError, match=r'or give unit="mm" or unit="m"$'):
+    with pytest.raises(ShapeError, match=r'or give unit="mm" or unit="m" \(cm, in, …\)$'):
         analyse(path)
     path.write_text("x_m,y_m,z_m\n0,0,0\n1,0,0\n")
     with pytest.raises(ShapeError, match="unit says mm: read it without unit"):

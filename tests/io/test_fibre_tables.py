@@ -88,7 +88,7 @@ def test_parquet_holds_the_same_columns(tmp_path):
         ("s_mm,kappa_x_per_m,kappa_y_per_mm", "both in one unit"),
         ("s_mm,kappa_x_per_m,other", "curvature columns kappa_x_per_m: name them"),
         ("other,kappa_x_per_m,kappa_y_per_m", "add a column s_mm or s_m"),
-        ("s,kappa_x_per_m,kappa_y_per_m", "name the columns s_mm or s_m, or give --unit mm|m"),
+        ("s,kappa_x_per_m,kappa_y_per_m", "name the columns s_mm or s_m, or give --unit mm|m|cm|in|…"),
     ],
 )
 def test_a_unit_that_is_missing_or_mixed_is_refused_with_the_hint(tmp_path, header, reason):

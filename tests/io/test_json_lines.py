@@ -10,6 +10,7 @@ from tssgeom.errors import ShapeError
 from tssgeom.io.formats.files import Recording, open_recording
 from tssgeom.io.formats.jsonl import frame_of
 from tssgeom.io.formats.paths import LONGEST_LINE
+from tssgeom.io.formats.recording import GIVE_UNIT
 from tssgeom.stream import Frame, Rejected
 
 POINTS = [[0, 0, 0], [1, 0, 0], [2, 1, 0], [3, 1, 1]]
@@ -88,7 +89,10 @@ def test_null_is_a_missing_point(tmp_path):
         ('{"t":1,"points":[[1,2,"3"]],"unit":"mm"}', "got `str`"),
         ('{"t":1,"unit":"mm"}', "missing required field `points`"),
         ('{"points":[[1,2,3]],"unit":"mm"}', 'the line has no time: write "t" in s'),
-        ('{"t":1,"points":[[1,2,3]]}', 'write "unit": "mm" or "unit": "m" in each line, or give --unit mm|m'),
+        (
+            '{"t":1,"points":[[1,2,3]]}',
+            f'write "unit": "mm" or "unit": "m" in each line, or {GIVE_UNIT}',
+        ),
         ('{"t":1,"points":[[1,2,3]],"s":[1,2],"unit":"mm"}', "2 stations for 1 points"),
         ('{"t":0,"points":[[1,2,3]],"unit":"mm"}', "time 0 s comes after 0 s"),
         ('{"t":1,"points":[[1,2,3]],"unit":"mm","tension_in_N":"eight"}', 'write "tension_in_N" as a number'),

@@ -160,6 +160,29 @@ def test_stations_without_a_unit_are_refused_by_their_own_name_and_numbers_of_se
     assert stations[-1] == 0.06
 
 
+@pytest.mark.parametrize(("unit", "mm"), [("in", 25.4), ("cm", 10.0), ("ft", 304.8), ("mm", 1.0)])
+def test_the_unit_of_a_file_without_one_may_be_any_that_headers_have(tmp_path, unit, mm):
+    for path in (
+        written(tmp_path / "side_by_side.csv", "S{point}_{axis}"),
+        tmp_path / "plain.csv",
+    ):
+        if path.stem == "plain":
+            rows = [f"{f},{x},{y},{z}" for f, frame in enumerate(POINTS) for x, y, z in frame]
+            path.write_text("\n".join(["time_s,x,y,z", *rows]), encoding="utf-8")
+        assert open_recording(path, unit).unit == unit
+        for frame, points in zip(frames_of(path, unit), POINTS, strict=True):
+            np.testing.assert_allclose(1e3 * frame.points, mm * points, rtol=1e-12)
+
+
+def test_a_unit_beside_that_of_the_columns_has_to_be_the_same(tmp_path):
+    path = written(tmp_path / "em.csv", "S{point}_{axis} (inch)")
+    np.testing.assert_allclose(1e3 * frames_of(path, "in")[0].points, 25.4 * POINTS[0], rtol=1e-12)
+    with pytest.raises(ShapeError, match="the file is in inch, --unit says cm: read it without --unit"):
+        open_recording(path, "cm")
+    with pytest.raises(ShapeError, match="'furlong': write mm or m"):
+        open_recording(path, "furlong")
+
+
 @pytest.mark.parametrize(
     ("times", "warning", "kept"),
     [

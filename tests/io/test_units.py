@@ -1,8 +1,12 @@
 """Every unit of laboratory files has the size that NIST SP 811, appendix B, and the SI brochure give it."""
 
+from typing import get_args
+
 import pytest
 
 from tssgeom.io.formats.laboratory.units import UNITS, scaled_unit, unit_of
+from tssgeom.io.formats.lengths import LengthUnit
+from tssgeom.io.formats.recording import PER_METRE
 
 IN_SI = {
     "N": 1.0,
@@ -51,6 +55,15 @@ IN_SI = {
     "deg/mm": 17.453292519943295,
 }
 """How many newtons, metres, seconds, radians and so on one of each is."""
+
+
+def test_a_user_may_state_each_unit_of_length_of_a_header():
+    lengths = {unit.factor for unit in UNITS.values() if unit.quantity == "length"}
+    assert {UNITS[unit].factor for unit in get_args(LengthUnit)} == lengths
+    assert len(get_args(LengthUnit)) == len(lengths)
+    for unit in get_args(LengthUnit):
+        assert PER_METRE[unit] * IN_SI[unit] == pytest.approx(1.0, rel=1e-14)
+    assert [PER_METRE[unit] for unit in ("mm", "cm", "dm", "um", "nm")] == [1e3, 1e2, 10.0, 1e6, 1e9]
 
 
 def test_each_unit_has_its_size():

@@ -63,7 +63,8 @@ def test_the_unit_is_that_of_a_field_array_or_has_to_be_said(tmp_path):
     with pytest.raises(ShapeError, match="the file is in m, --unit says mm"):
         open_recording(path, "mm")
     with pytest.raises(
-        ShapeError, match=r"no unit: add a field array 'unit' that states mm or m, or give --unit mm\|m"
+        ShapeError,
+        match=r"no unit: add a field array 'unit' that states mm or m, or give --unit mm\|m\|cm\|in",
     ):
         open_recording(written(tmp_path, ARC, list(range(7))))
 

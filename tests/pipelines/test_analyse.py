@@ -121,7 +121,7 @@ BAD = {
     ),
     "all missing": (GOOD * np.nan, "x_mm,y_mm,z_mm", "0 distinct points"),
     "not in order": (SHUFFLED, "x_mm,y_mm,z_mm", "not in order"),
-    "no unit": (GOOD, "x,y,z", "--unit mm|m"),
+    "no unit": (GOOD, "x,y,z", "--unit mm|m|cm|in|…"),
     "mixed units": (GOOD, "x_mm,y_mm,z_m", "mixed units"),
     "stations": (with_station(np.arange(40)[::-1]), "x_mm,y_mm,z_mm,s_mm", "stations do not increase"),
 }

@@ -133,7 +133,7 @@ def test_what_is_wrong_is_reported_with_the_hint_and_the_rest_is_checked(run, ha
     plain = write_csv("bare.csv", np.zeros((5, 3)), "x,y,z")
     outcome = run("check", plain, half)
     assert outcome.status == 1
-    assert outcome.errors[0].endswith("or give --unit mm|m")
+    assert outcome.errors[0].endswith("or give --unit mm|m|cm|in|…")
     assert "half.csv: shape in mm" in outcome.out
 
 

@@ -33,7 +33,7 @@ def test_analyse_takes_it_as_one_shape_or_recording(run, name):
 def test_without_a_unit_it_is_refused_with_the_hint(run, name):
     (error,) = run("analyse", CORPUS / name).errors
     assert name.partition("#")[0] in error
-    assert error.endswith("give --unit mm|m")
+    assert error.endswith("give --unit mm|m|cm|in|…")
 
 
 @pytest.mark.parametrize(

@@ -24,18 +24,20 @@ def tension_of(given: Any) -> float:
 
 
 def in_metres(lengths: Any, unit: str | None) -> Any:
-    """Return an array in mm in metres.
+    """Return an array of another unit in metres.
 
     Raises
     ------
     SettingsError
-        Where the unit is another one.
+        Where the unit is none of length.
     """
-    if unit != "mm":
-        raise SettingsError(f"unit is {unit!r}: give 'mm' or 'm'")
     import numpy as np
 
-    return np.asarray(lengths, np.float64) / 1e3
+    from tssgeom.io.formats.recording import PER_METRE
+
+    if unit not in PER_METRE:
+        raise SettingsError(f"unit is {unit!r}: give one of {', '.join(map(repr, PER_METRE))}")
+    return np.asarray(lengths, np.float64) / PER_METRE[unit]
 
 
 def require_no_unit(unit: str | None, what: str) -> None:

@@ -52,8 +52,8 @@ def analyse(
     stations
         [n] Known arc length of the points, increasing [m]; estimated where left out. Only beside an array.
     unit
-        Unit of length, "mm" or "m", of a file that states none, or of an array and its stations (m where left
-        out).
+        Unit of length, such as "mm" or "in", of a file that states none, or of an array and its stations (m
+        where left out).
 
     Returns
     -------
@@ -128,7 +128,7 @@ def analyse_all(
     tension_in
         Total tension at the proximal end for frames that bring no drive [N].
     unit
-        Unit of length, "mm" or "m", of a file that states none.
+        Unit of length, such as "mm" or "in", of a file that states none.
 
     Returns
     -------
@@ -203,7 +203,7 @@ def calibrate(
     progress
         Called with each step and the share of the work that is done [1].
     unit
-        Unit of length, "mm" or "m", of a file of shapes that states none.
+        Unit of length, such as "mm" or "in", of a file of shapes that states none.
 
     Returns
     -------
@@ -289,7 +289,7 @@ def discover(
     propose
         How many experiments to design, and within which limits; left out, none.
     unit
-        Unit of length, "mm" or "m", of files of shapes that state none.
+        Unit of length, such as "mm" or "in", of files of shapes that state none.
 
     Returns
     -------

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from tssgeom.identify.calibrated_run import Measured
 
 _WORDS = (
-    (re.compile(r"--unit mm\|m"), 'unit="mm" or unit="m"'),
+    (re.compile(r"--unit mm\|m\|cm\|in\|…"), 'unit="mm" or unit="m" (cm, in, …)'),
     (re.compile(r"--unit\b"), "unit"),
     (re.compile(r'--map "([^"]*)"'), r"read(…, columns=['\1'])"),
     (re.compile(r"--map\b"), "columns of read"),
@@ -82,7 +82,7 @@ def read(path: str | Path, unit: str | None = None, columns: Iterable[str] = ())
         A file, one recording of a file of several as `FILE#PART`, or the folder of a colonoscope recording or
         a ROS 2 bag.
     unit
-        Unit of length, "mm" or "m", where the file states none.
+        Unit of length, such as "mm" or "in", where the file states none.
     columns
         What columns of a table are, as `--map` has it: "NAME=channel[:unit]".
 

@@ -81,7 +81,7 @@ def simulate(  # pyright: ignore[reportInconsistentOverload]
     state
         Tension along the tendon before the run; the rig's pretension by default.
     unit
-        Unit of length, "mm" or "m", of a file of shapes that states none.
+        Unit of length, such as "mm" or "in", of a file of shapes that states none.
 
     Returns
     -------
@@ -207,7 +207,7 @@ def compensate(  # pyright: ignore[reportInconsistentOverload]
         What the drive does where a target asks it to turn: "cross" the dead zone, or "wait" in it; only of a
         run.
     unit
-        Unit of length, "mm" or "m", of a file of shapes that states none.
+        Unit of length, such as "mm" or "in", of a file of shapes that states none.
     options
         Of one move: `tension_out` [N] or `displacement_out` [m], one of them, and the others of
         `tssgeom.tendon.command.compensate`.

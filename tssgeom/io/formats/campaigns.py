@@ -67,7 +67,7 @@ def read_campaign(folder: Path, unit: str | None = None, columns: ColumnMap = NO
     folder
         The folder, or the `campaign.toml` in it.
     unit
-        Unit of length, "mm" or "m", of shapes that state none.
+        Unit of length, such as "mm" or "in", of shapes that state none.
     columns
         The user's statements on columns of the files.
 

@@ -212,8 +212,9 @@ def _one_unit(path: Path, names: Sequence[str], given: str | None) -> str:
         )
     if stated and None in units and given is None:
         unitless = next(name for name in names if _split(name)[1] is None)
+        unit = stated.pop()
         raise ShapeError(
-            f"{path}: column {unitless!r} has no unit: name it {unitless}_{stated.pop()}, or give --unit mm|m"
+            f"{path}: column {unitless!r} has no unit: name it {unitless}_{unit}, or give --unit {unit}"
         )
     return agreed_unit(
         path,

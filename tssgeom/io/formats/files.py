@@ -95,7 +95,7 @@ def open_recording(path: str | Path, unit: str | None = None, columns: ColumnMap
     path
         A file or folder that a reader takes, or one part of a file as `FILE#PART`.
     unit
-        Unit of length, "mm" or "m", where the file states none.
+        Unit of length, such as "mm" or "in", where the file states none.
     columns
         The user's statements on columns of tables.
 

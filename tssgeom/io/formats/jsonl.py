@@ -20,7 +20,7 @@ from tssgeom.arrays import read_only
 from tssgeom.errors import ShapeError
 from tssgeom.io.formats.laboratory.unknown import NO_OTHERS, OtherKeys, other_keys
 from tssgeom.io.formats.paths import LONGEST_LINE, reading, stem
-from tssgeom.io.formats.recording import PER_METRE, UNTIMED, Frames, Recording, agreed_unit
+from tssgeom.io.formats.recording import GIVE_UNIT, PER_METRE, UNTIMED, Frames, Recording, agreed_unit
 from tssgeom.stream import Frame, Rejected
 
 _TOO_LONG = f"the line is longer than {LONGEST_LINE} bytes (1 MiB): send fewer points"
@@ -157,7 +157,7 @@ def _frame(
 ) -> Frame:
     stated = line.unit or unit
     if stated not in PER_METRE:
-        raise ShapeError(f"the unit is {stated!r}: {_STATE_UNIT}, or give --unit mm|m")
+        raise ShapeError(f"the unit is {stated!r}: {_STATE_UNIT}, or {GIVE_UNIT}")
     if unit is not None and stated != unit:
         raise ShapeError(f"the line is in {stated}, --unit says {unit}: read it without --unit")
     moment = line.t if line.t is not None else time

@@ -65,7 +65,7 @@ def read_machine_campaign(
         The folder, or the `campaign.toml` in it. `shape` of a run may be left out where the rig has
         `[route]`, and may be a list of one file for each tendon.
     unit
-        Unit of length, "mm" or "m", of shapes that state none.
+        Unit of length, such as "mm" or "in", of shapes that state none.
     columns
         The user's statements on columns of the files.
 

@@ -15,10 +15,11 @@ from tssgeom.io.formats.columns import AXES, POINT, TIME, columns_of
 from tssgeom.io.formats.laboratory.mapping import NO_MAP, ColumnMap
 from tssgeom.io.formats.laboratory.names import EXACT, RECORDING, is_inert, meaning_of
 from tssgeom.io.formats.laboratory.table import LaboratoryTable, laboratory_table
+from tssgeom.io.formats.laboratory.units import UNITS
 from tssgeom.io.formats.laboratory.wide import has_size, point_columns
 from tssgeom.io.formats.longform import MOST_AT_ONCE, LongFrames, Rows, lowest_point, runs_of
 from tssgeom.io.formats.paths import PACKED, bytes_of, ending, reading, require_lines, size_of, split, stem
-from tssgeom.io.formats.recording import Recording
+from tssgeom.io.formats.recording import PER_METRE, Recording
 from tssgeom.io.formats.tables import (
     NO_ROW,
     Table,
@@ -118,6 +119,7 @@ def _open_laboratory(path: Path, unit: str | None, said: ColumnMap, *, clean: bo
     if clean and read.faults:
         raise ShapeError(f"{path}: {next(iter(read.faults.values()))}")
     names = [*read.values] if read.is_points else [*read.values, *read.unread]
+    unit = _unit_beside_own(path, read, unit)
     if unit is None and "s" in read.values and "s" in read.names:
         _require_no_unitless_station(path, read)
     columns = columns_of(path, names, unit, [*read.names.values(), *read.unread])
@@ -130,6 +132,18 @@ def _open_laboratory(path: Path, unit: str | None, said: ColumnMap, *, clean: bo
     recording = _recording(path, ending(path).removesuffix(PACKED)[1:], table, read.names)
     warnings = (*recording.warnings, *read.warnings)
     return replace(recording, warnings=warnings, notes=(*read.notes, *recording.notes))
+
+
+def _unit_beside_own(path: Path, read: LaboratoryTable, given: str | None) -> str | None:
+    """Return the unit of `--unit`; None where the columns state the same: what is read of them is in mm."""
+    own = read.units.get("x_mm")
+    if given is None or given in ("mm", "m") or given not in PER_METRE:
+        return given
+    if own is None or own.symbol in ("mm", "m"):
+        return given
+    if UNITS[given].factor != own.factor:
+        raise ShapeError(f"{path}: the file is in {own.symbol}, --unit says {given}: read it without --unit")
+    return None
 
 
 def _require_no_unitless_station(path: Path, read: LaboratoryTable) -> None:

@@ -8,15 +8,19 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
-from typing import overload
+from typing import get_args, overload
 
 from tssgeom.errors import ShapeError, TssgeomError
 from tssgeom.frame import require_usable
+from tssgeom.io.formats.laboratory.units import UNITS
+from tssgeom.io.formats.lengths import LengthUnit
 from tssgeom.result import Result
 from tssgeom.stream import Frame, Rejected
 
-PER_METRE = {"m": 1.0, "mm": 1000.0}
-"""How many of each unit make one metre; dividing by it converts exactly rounded."""
+PER_METRE = {unit: float(f"{1.0 / UNITS[unit].factor:.15g}") for unit in get_args(LengthUnit)}
+"""How many of each unit make one metre; dividing by it converts exactly rounded, where it is whole."""
+GIVE_UNIT = "give --unit mm|m|cm|in|…"
+"""Hint of errors where no unit is stated."""
 UNTIMED = "no time: the frames are counted, one a second"
 """Warning of a recording without a clock; the tendon does not depend on the rate."""
 
@@ -33,7 +37,7 @@ class Recording(Result):
     path: Path
     """The file, with the part of it that was opened."""
     unit: str
-    """Unit of length in the file, "m" or "mm" (of Slicer also "um"); the frames are in metres."""
+    """Unit of length in the file, such as "mm", "m" or "in"; the frames are in metres."""
     kind: str
     """Format: "jsonl", "npz", "slicer", "fcsv", "vtk", "ros2", "ndi" or "colonoscope"; of a table its
     ending, such as "csv", "parquet" or "xlsx"."""
@@ -136,11 +140,11 @@ def agreed_unit(path: Path, stated: str | None, given: str | None, hint: str) ->
     Raises
     ------
     ShapeError
-        Where no unit is stated, where it is neither m nor mm, or where file and user disagree.
+        Where no unit is stated, where it is no `LengthUnit`, or where file and user disagree.
     """
     unit = stated or given
     if unit is None:
-        raise ShapeError(f"{path}: the coordinates have no unit: {hint}, or give --unit mm|m")
+        raise ShapeError(f"{path}: the coordinates have no unit: {hint}, or {GIVE_UNIT}")
     for one in (stated, given):
         if one is not None and one not in PER_METRE:
             raise ShapeError(f"{path}: the unit is {one!r}: write mm or m")
@@ -152,8 +156,8 @@ def agreed_unit(path: Path, stated: str | None, given: str | None, hint: str) ->
 def given_unit(path: Path, given: str | None, what: str) -> str:
     """Return the unit that the user states; `what`, such as "a ROS bag", is a format that cannot state one.
 
-    Raises ShapeError where the user states none, or one that is neither m nor mm.
+    Raises ShapeError where the user states none, or one that is no `LengthUnit`.
     """
     if given is None:
-        raise ShapeError(f"{path}: {what} states no unit of length: give --unit mm|m")
+        raise ShapeError(f"{path}: {what} states no unit of length: {GIVE_UNIT}")
     return agreed_unit(path, None, given, "")

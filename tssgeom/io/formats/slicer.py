@@ -28,7 +28,6 @@ from tssgeom.stream import Frame
 TO_LPS = {"LPS": (1.0, 1.0, 1.0), "RAS": (-1.0, -1.0, 1.0)}
 """What turns coordinates of each system into LPS, in which Slicer writes meshes and markups."""
 
-_PER_METRE = PER_METRE | {"um": 1e6}  # the third unit of the schema
 _ROUTES = ("Curve", "Fiducial")
 _SYSTEMS = {"0": "RAS", "1": "LPS", "RAS": "RAS", "LPS": "LPS"}
 _FIRST, _LAST = 1, 4  # columns of the coordinates in an .fcsv file, the same in every version
@@ -80,13 +79,13 @@ def open_markups(path: Path, unit: str | None) -> Recording:
     markup = routes[selected(path, names)]
     stated = markup.coordinate_units
     own = stated if isinstance(stated, str) else next(iter(stated), "")
-    if own not in _PER_METRE:
+    if own not in PER_METRE:
         raise ShapeError(f"{file}: coordinateUnits is {own!r}: write mm, m or um")
     if markup.coordinate_system not in TO_LPS:
         raise ShapeError(f"{file}: coordinateSystem is {markup.coordinate_system!r}: write LPS or RAS")
     if own in PER_METRE:
         agreed_unit(file, own, unit, "")
-    points = read_only(_positions(markup) / _PER_METRE[own])
+    points = read_only(_positions(markup) / PER_METRE[own])
     return Recording(stem(path), path, own, "slicer", False, 1, (Frame(points),))
 
 

@@ -54,6 +54,8 @@ class Resolved:
     """Name and `channel[:unit]` of each column that is no exact name, as `columns.toml` takes them."""
     names: dict[str, str] = field(default_factory=dict)
     """Name in the file of each column that is no exact name, by the name that the readers know."""
+    units: dict[str, Unit] = field(default_factory=dict)
+    """Unit in the file of each of these that has one."""
     labels: tuple[str, Sequence[str] | Vector] | None = None
     """Column of the markers' names or numbers."""
     frames: tuple[str, Vector] | None = None
@@ -105,6 +107,8 @@ def take(table: RawTable, column: Column, result: Resolved, path: Path | None = 
     result.notes.append(f"{column.name} read as {known}{conversion}{note}")
     result.suggested[column.name] = channel_text(channel, unit)
     result.names[known] = column.name
+    if unit is not None:
+        result.units[known] = unit
 
 
 def _known_name(channel: str, unit: Unit | None) -> tuple[str, float, float]:

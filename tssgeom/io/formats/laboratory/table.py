@@ -18,6 +18,7 @@ from tssgeom.io.formats.laboratory.mapping import NO_MAP, ColumnMap, Mapped
 from tssgeom.io.formats.laboratory.names import stamp_part
 from tssgeom.io.formats.laboratory.raw import RawTable
 from tssgeom.io.formats.laboratory.resolve import marker_numbers, resolved
+from tssgeom.io.formats.laboratory.units import Unit
 from tssgeom.io.formats.laboratory.wide import (
     FEWEST_POINTS,
     with_components,
@@ -51,6 +52,8 @@ class LaboratoryTable:
     """Names of the columns that are not read, as the file has them."""
     names: Mapping[str, str]
     """Name in the file of each column that is no exact name, by the name that the readers know."""
+    units: Mapping[str, Unit]
+    """Unit in the file of each of these that has one."""
 
 
 def laboratory_table(path: Path, columns: ColumnMap = NO_MAP, unit: str | None = None) -> LaboratoryTable:
@@ -90,6 +93,7 @@ def laboratory_table(path: Path, columns: ColumnMap = NO_MAP, unit: str | None =
         result.is_points,
         tuple(name for name in table.names if name not in taken),
         result.names,
+        result.units,
     )
 
 
