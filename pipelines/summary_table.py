@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import PurePath
 from typing import Any
 
@@ -50,7 +50,7 @@ def print_summary(
     more = every[len(rows) :]
     assumed = [row["name"] for row in rows if row.get("tension_in_assumed")]
     has_clearance = any(row.get("clearance_m") is not None for row in rows)
-    notes = [f"{row['name']}: {warning}" for row in rows for warning in row["warnings"]]
+    notes = _warnings(rows)
     if more:
         warned = sum(bool(row["warnings"]) for row in more)
         notes.insert(0, f"and {len(more)} more inputs, {warned} of them with warnings: all are in the report")
@@ -143,3 +143,16 @@ def _range(row: dict[str, Any], key: str, factor: float, digits: int, error: flo
         ends = (sum(ends) / 2,) * 2
     low, high = (f"{end * factor:.{digits}f}" for end in ends)
     return low if low == high else f"{low}–{high}"
+
+
+def _warnings(rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return the warnings with the names of their inputs; one that all of several have, once."""
+    texts = [list[str](row["warnings"]) for row in rows]
+    shared = [text for text in texts[0] if all(text in each for each in texts)] if len(rows) > 1 else []
+    of_each = [
+        f"{row['name']}: {text}"
+        for row, each in zip(rows, texts, strict=True)
+        for text in each
+        if text not in shared
+    ]
+    return [f"all {len(rows)} inputs: {text}" for text in shared] + of_each

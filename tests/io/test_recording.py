@@ -5,7 +5,7 @@ import pytest
 
 from tssgeom.errors import ShapeError
 from tssgeom.io.formats.files import find_inputs, open_recording
-from tssgeom.io.formats.recording import in_order
+from tssgeom.io.formats.recording import in_order, late
 from tssgeom.stream import Frame, Rejected
 
 POINTS = np.column_stack((np.arange(5.0), np.zeros(5), np.zeros(5)))
@@ -18,6 +18,10 @@ def test_the_time_of_a_frame_that_cannot_be_used_does_not_count(bad):
     assert outcome[:3] == frames[:3]
     assert isinstance(outcome[3], Rejected)
     assert "comes after 0.2 s" in outcome[3].reason
+
+
+def test_a_frame_that_comes_too_late_is_refused_with_all_digits_of_both_times():
+    assert late(1.7e9, 1.7e9 + 0.025).startswith("time 1700000000 s comes after 1700000000.025 s: put")
 
 
 def test_a_file_of_a_folder_that_states_another_unit_than_the_option_is_refused_alone(tmp_path):

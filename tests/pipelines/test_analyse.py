@@ -256,3 +256,11 @@ def test_a_route_that_bends_under_a_tendon_that_nobody_measured_is_said_and_may_
     last = json.loads(outcome.out)
     assert last["tension_out_N"] == pytest.approx(10.0 * math.exp(-0.145 * 3.0), rel=1e-3)
     assert "since the first frame" not in run("analyse", moving, "--tension-in", "10", "--geometry-only").out
+
+
+def test_a_warning_that_all_inputs_have_is_printed_once(run, tmp_path):
+    lines = "\n".join(f"{0.1 * t},{10 * k},{k * k},0" for t in range(3) for k in range(8))
+    for name in ("a", "b"):
+        (tmp_path / f"{name}.csv").write_text("frame,x_mm,y_mm,z_mm\n" + lines, encoding="utf-8")
+    out = run("analyse", tmp_path / "a.csv", tmp_path / "b.csv").out
+    assert out.count("no time: the frames are counted") == out.count("all 2 inputs: no time: the frames") == 1

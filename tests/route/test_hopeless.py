@@ -124,7 +124,7 @@ def test_noise_that_is_stated_far_too_low_does_not_narrow_the_bars_of_a_chain():
     for _ in range(40):
         result = measure(clean(exact + 2e-4 * rng.standard_normal(exact.shape)), 1e-4, "arcs")
         assert result.noise == pytest.approx(2e-4, rel=0.2)
-        assert any("check the noise that is stated, 0.1 mm" in each for each in result.warnings)
+        assert any("and not 0.1 mm: check for outlying points" in each for each in result.warnings)
         beyond += abs(result.arcs.total_angle - np.pi) > 1.96 * result.arcs.total_angle_se
     assert beyond <= 6  # of 40 at 5 %: more than 6 have a chance of 0.3 %
 

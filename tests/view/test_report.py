@@ -207,6 +207,19 @@ def test_in_a_folder_of_several_kinds_no_kind_hides_what_is_wrong_in_another() -
     ]
 
 
+def test_what_many_inputs_lack_makes_none_of_them_outlying() -> None:
+    lacks = "directions are not used: the rig lacks [shape] direction_noise_deg: give it, or 'estimate'"
+    rows = mixed()
+    for k in range(10):
+        rows[4 * k] |= {"warned": 1, "warnings": ["no time column", lacks]}
+    rows[81] |= {"warned": 9, "frames": 9, "warnings": [f"{lacks} (9 of 9 frames)"]}
+    rows[1] |= {"warned": 1, "warnings": [lacks, "1 point missing, bridged"]}
+    assert [one.name for one in outlying_inputs(rows)] == ["needle1"]
+    for k in range(5):
+        rows[4 * k] |= {"warnings": ["1 point missing, bridged"]}
+    assert len(outlying_inputs(rows)) == 6
+
+
 def test_inputs_that_are_wrong_in_one_way_are_a_kind_of_their_own(still, tmp_path: Path) -> None:
     rows = mixed()
     for row in rows[:6]:

@@ -255,8 +255,8 @@ def chain_fit(shape: Shape, data: Data, chain: Chain, pieces: ChainPieces | None
     stated = math.sqrt(data.variance)
     if 0.0 < stated < pieces.noise:
         warnings += (
-            f"the points lie {1e3 * pieces.noise:.3g} mm from the route, by which its standard errors are: "
-            f"check the noise that is stated, {1e3 * stated:.3g} mm, and check for outlying points",
+            f"the points lie {1e3 * pieces.noise:.3g} mm from the route, by which its standard errors are, "
+            f"and not {1e3 * stated:.3g} mm: check for outlying points, and the noise where one is stated",
         )
     if data.free:
         warnings += order_warnings(shape, data.weight, chain.stations, pieces.noise)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import re
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from statistics import NormalDist
@@ -85,8 +87,31 @@ def outlying_inputs(rows: Sequence[Row]) -> list[OutlyingInput]:
     the error that the input's own noise gives it. Those that differ in what was measured come first, the
     largest z before the others.
     """
+    rows = _without_lacks(rows)
     outlying = [each for kind in kinds(rows) for each in _of_kind([rows[k] for k in kind.members])]
     return [each for _, each in sorted(outlying, key=lambda one: (one[0], -one[1].z))]
+
+
+def _without_lacks(rows: Sequence[Row]) -> list[Row]:
+    """Return the rows without warned frames where all warnings say what each frame of many inputs lacks.
+
+    Such a text has no number and is that of a format or of the rig, not of what was measured.
+    """
+    texts = [[_text_of_all_frames(text) for text in row.get("warnings", ())] for row in rows]
+    inputs = Counter(text for each in texts for text in {*each})
+    lacks = {text for text, count in inputs.items() if text and count >= KIND_LIMITS.fewest}
+    return [
+        {**row, "warned": 0} if each and lacks.issuperset(each) else row
+        for row, each in zip(rows, texts, strict=True)
+    ]
+
+
+def _text_of_all_frames(warning: str) -> str:
+    """Return a warning without its count of frames; empty where it has a number or is of some frames."""
+    text, _, count = warning.rpartition(" (")
+    match = re.fullmatch(r"(\d+) of (\d+) frames\)", count)
+    text = text if match and match[1] == match[2] else warning
+    return "" if re.search(r"\d", text) else text
 
 
 def _of_kind(rows: Sequence[Row]) -> Iterator[tuple[bool, OutlyingInput]]:
