@@ -246,7 +246,8 @@ def test_metadata_that_resemble_a_number_have_a_warning_and_those_of_other_progr
     other = ("FrameNumber", "Timestamp", "UnfilteredTimestamp", "ProbeToTrackerTransformStatus")  # of PLUS
     message.metadata = dict.fromkeys(other, "1") | {"tension_in_N": "7.5", "noise_mm": "0.4"}
     peer.sendall(message.pack())
-    (warning,) = reported(reader, 32.0)["warnings"]
+    warning, of_exact_points = reported(reader, 32.0)["warnings"]
+    assert "less noise than sensors" in of_exact_points
     assert warning == "'noise_mm' is not read: the nearest name is noise_m"
     message.metadata, message.timestamp = {"tension_in": "7.5"}, 33.0
     peer.sendall(message.pack())
