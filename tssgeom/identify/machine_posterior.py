@@ -83,7 +83,10 @@ class Posterior:
     profiles: tuple[Profile, ...]
 
     def of(self, share: Vector) -> tuple[float, float, float]:
-        """Return standard deviation and 95 % interval of a sum of numbers, each times its share; (261)."""
+        """Return standard deviation and 95 % interval of a sum of numbers, each times its share; (261).
+
+        Where a long tail makes the interval wider, the standard deviation is that of a normal law: (182).
+        """
         middle, across = float(share @ self.u), self.covariance @ share
         of_drive, other = (float(share @ each @ share) for each in self.errors)
         sd, own = math.sqrt(max(float(share @ across), 1e-300)), np.sqrt(np.diag(self.covariance))
@@ -99,7 +102,8 @@ class Posterior:
         beside = math.hypot(inside, math.sqrt(of_drive))
         spread = math.hypot(beside, math.sqrt(float(weight @ (centres - weight @ centres) ** 2)))
         low, high = (_quantile(centres, beside, weight, sign * self.quantile) for sign in (-1.0, 1.0))
-        return spread, min(low, middle), max(high, middle)
+        low, high = min(low, middle), max(high, middle)
+        return max(spread, (high - low) / (2.0 * self.quantile)), low, high
 
 
 def _quantile(centres: Vector, sd: float, weight: Vector, at: float) -> float:
