@@ -38,6 +38,9 @@ class EvidenceScale:
 
 EVIDENCE_SCALE = EvidenceScale()
 _THROUGH = (3, 5, 7)  # readings whose differences show the noise; derived: lines to quintics vanish
+_OFF_GRID = (
+    0.05  # of a step between two readings; derived: 3 readings that are no multiples are so by chance 1 %
+)
 _FLICKER = 0.1  # of the readings, where a display begins or ceases to repeat itself [1]; chosen: holds last
 
 
@@ -86,6 +89,22 @@ def reading_noise(readings: Vector, time: Vector | None = None) -> float:
     if spread and spread[0] > (rounding if stepwise else 0.0):
         return min(each for each in spread if each > 0.0)
     return float(steps[moved].min()) / np.sqrt(12.0) if moved.any() else 0.0
+
+
+def digit_noise(readings: Vector) -> float:
+    """Return the standard deviation that rounding gives to readings [n] in whole steps; 0 where they are not.
+
+    The step is the least between two of them that differ.
+    """
+    values = np.unique(readings)
+    steps = np.diff(values)
+    steps = steps[steps > ROUNDING.exact * float(np.max(np.abs(values), initial=0.0))]
+    if not steps.size:
+        return 0.0
+    step = float(steps.min())
+    counts = steps / step
+    on_grid = bool(np.all(np.abs(counts - np.round(counts)) < _OFF_GRID))
+    return step / math.sqrt(12.0) if on_grid else 0.0
 
 
 def _off_polynomial(time: Vector, readings: Vector, points: int) -> float:

@@ -17,7 +17,7 @@ from tssgeom.errors import FitError
 from tssgeom.identify.fit_quality import FIT_TEST, spread
 from tssgeom.identify.machine_fit import fitted_again
 from tssgeom.identify.machine_problem import FitState, Problem, fitted_rows
-from tssgeom.statistics import NORMAL_95, reading_noise, root_mean_square
+from tssgeom.statistics import NORMAL_95, root_mean_square
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,12 +141,11 @@ def _without(left: Vector, slope: Matrix, own: np.ndarray) -> tuple[Vector, Matr
 def _misfits(away: Problem, left: list[Vector], sd: list[Vector]) -> Iterator[HeldOutMisfit]:
     for (k, name, at), off, of_prediction in zip(away.rows, left, sd, strict=True):
         values = away.runs[k].measured[name]
-        known = values[np.isfinite(values)]
         yield HeldOutMisfit(
             f"{name} of {away.runs[k].name}" if len(away.runs) > 1 else name,
             root_mean_square(off),
             float(np.ptp(values[at])),
-            reading_noise(known),
+            away.runs[k].noise[name],
             root_mean_square(of_prediction),
         )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -29,9 +30,9 @@ from tssgeom.plausibility.machines import (
 )
 from tssgeom.plausibility.rules import warnings_of
 from tssgeom.plausibility.series import Series
-from tssgeom.rig import Rig
+from tssgeom.rig import Rig, Sensor
 from tssgeom.route.pieces import Arcs
-from tssgeom.statistics import reading_noise, turns
+from tssgeom.statistics import digit_noise, reading_noise, turns
 from tssgeom.tendon.machine_history import DriveName
 from tssgeom.tendon.machine_simulation import (
     drive_channels,
@@ -71,7 +72,8 @@ class MachineRun:
     inputs: NoisyInputs
     """What acts and is noisy."""
     noise: Mapping[str, float]
-    """Standard deviation of one reading of each channel that answers, by all its readings."""
+    """Standard deviation of one reading of each channel that answers, by all its readings; no less than that
+    of its digits, and than the rig states."""
     legs: Legs | None = None
     """The one channel that drives, a tension or a position beside a force, whose turns have levels of their
     own; (70), (71), (276)."""
@@ -168,7 +170,9 @@ def machine_run(
         for each in columns
         if each not in (*given_names, *answers, "temperature_C", "motor_current_A")
     )
-    noise = {each: _noise_of(columns[each], columns["time_s"]) for each in answers}
+    noise = {
+        each: _noise_of(columns[each], columns["time_s"], rig.sensors.get(each, Sensor())) for each in answers
+    }
     run = MachineRun(
         *(name, given, answers, held_out, tuple(routes), drive, end_given, count, noisy, noise),
         notes=(*notes, *signs),
@@ -177,9 +181,11 @@ def machine_run(
     return _with_turns_between(run, *pulls.values()) if len(pulls) == 1 else run
 
 
-def _noise_of(readings: Vector, time: Vector) -> float:
+def _noise_of(readings: Vector, time: Vector, sensor: Sensor) -> float:
+    """Return the noise that readings show, and no less than what their digits and the rig state."""
     there = np.isfinite(readings) & np.isfinite(time)
-    return reading_noise(readings[there], time[there])
+    stated = math.hypot(sensor.noise, sensor.resolution / math.sqrt(12.0))
+    return max(reading_noise(readings[there], time[there]), digit_noise(readings[there]), stated)
 
 
 def _position_beside_force(
