@@ -12,6 +12,7 @@ from dataclasses import replace
 
 from tssgeom.errors import FitError
 from tssgeom.identify.machine_estimates import MachineCalibration, calibration_of
+from tssgeom.identify.machine_even_bend import bend_remarks
 from tssgeom.identify.machine_evidence import modelled
 from tssgeom.identify.machine_fit import fit_from, fitted_again, start_of
 from tssgeom.identify.machine_held_out import cycles_held_out, runs_held_out
@@ -92,7 +93,8 @@ def _calibrated(
     progress("intervals", 0.9)
     remarks = (each.text for each in load_remarks(runs, rig))
     said = (STRAIGHT,) if straight else ()
-    return calibration_of(problem, state, held, (*said, *notes, *more, *remarks))
+    made = calibration_of(problem, state, held, (*said, *notes, *more, *remarks))
+    return replace(made, warnings=(*made.warnings, *bend_remarks(problem, state, made.estimates)))
 
 
 def _with_drive_lag(problem: Problem, state: FitState) -> tuple[Problem, FitState, tuple[str, ...]]:
