@@ -111,6 +111,7 @@ def test_play_of_a_joint_is_named_by_displacement_alone():
     finding = finding_of(2, columns(2, end_play=0.01, torque=False))
     (effect,) = finding.effects
     assert effect.names == ("end_play",)
+    assert any("taken to bend evenly" in note for note in finding.notes)
     assert effect.parameters[0]["play_rad"].value == pytest.approx(0.01, rel=0.05)
     assert finding.rig.end.play_rad == effect.parameters[0]["play_rad"].value
     before, after = held(finding, "joint_angle_rad")

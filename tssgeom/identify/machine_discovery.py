@@ -29,7 +29,7 @@ from tssgeom.identify.machine_evidence import (
 )
 from tssgeom.identify.machine_finding import MachineCampaign, MachineWork, NamedZero
 from tssgeom.identify.machine_fit import fit_from, start_of
-from tssgeom.identify.machine_parameters import parameters_of, route_numbers
+from tssgeom.identify.machine_parameters import parameters_of, route_numbers, with_unknown_bends
 from tssgeom.identify.machine_parts import parts_of
 from tssgeom.identify.machine_problem import FIT, FitState, Problem, fitted_rows
 from tssgeom.identify.machine_refit import without_zeros
@@ -51,6 +51,10 @@ from tssgeom.tendon.machine_simulation import drive_channels
 from tssgeom.threads import single_threaded
 
 _OWN = "only its zeros, its start, and the errors of a route that no other run has,"
+_EVEN = (
+    "The sheath is taken to bend evenly, since neither a shape nor route.bends says where it does; errors of "
+    "friction and compliance do not count that. `tssgeom calibrate` fits the bends."
+)
 _SPLIT = 2
 """Pairs of pieces into which a run without two cycles is cut; chosen: quarters."""
 
@@ -106,6 +110,8 @@ def machine_work(
     """Return what the steps of the workflow leave, and notes; arguments and errors of `discover_machine`."""
     progress("fitting what is not certain", 0.02)
     fitted, kept, said = parted_runs(campaign)
+    if with_unknown_bends(fitted, campaign.rig, ())[0] is not campaign.rig:
+        said = (*said, _EVEN)
     parameters = tuple(parameters_of(fitted, campaign.rig, campaign.uncertain))
     problem = Problem(fitted, campaign.rig, parameters, fitted_rows(fitted, held_out=False), FIT.bars)
     problem, state = fit_from(
