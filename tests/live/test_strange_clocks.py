@@ -18,6 +18,11 @@ PULL = 9.0  # N
 TCP = ("--source", "tcp://127.0.0.1:0", "--sink", "tcp://127.0.0.1:0")
 
 
+def stated(time: float, **more: object) -> bytes:
+    """Return a frame of exact points, whose noise is stated: else they are as if smoothed."""
+    return line(half_circle(), time, noise_m=1e-5, **more)
+
+
 @pytest.fixture
 def creeping(tmp_path: Path) -> Path:
     rig = tmp_path / "rig.toml"
@@ -42,7 +47,7 @@ def test_a_new_connection_and_turns_of_two_senders_are_no_pause_of_one():
 
         def sent(source, begin: float, name: str, count: int = 40) -> None:
             for i in range(count):
-                source.sendall(line(half_circle(), begin + step * i, id=f"{name} {i}"))
+                source.sendall(stated(begin + step * i, id=f"{name} {i}"))
                 assert "warnings" not in reader.until("id", f"{name} {i}")[-1]
 
         sent(first, 0.0, "first")
@@ -67,7 +72,7 @@ def test_the_filter_in_time_of_a_sender_goes_by_its_own_clock():
                 source.sendall(line(points_mm(40, 0.01 * i, i), 0.01 * i, id=i))
                 answered.append(reader.until("id", i)[-1]["total_angle_rad"])
                 if step is not None:
-                    other.sendall(line(half_circle(), step * i, id=f"other {i}"))
+                    other.sendall(stated(step * i, id=f"other {i}"))
                     reader.until("id", f"other {i}")
             reader.sock.close()
         return answered
@@ -86,11 +91,11 @@ def test_a_frame_of_another_client_far_in_the_future_changes_no_answer_to_the_fi
         for i in range(8):
             if i == 4:
                 with stream.source() as other:
-                    other.sendall(line(half_circle(), strange, tension_in_N=PULL, id="other"))
+                    other.sendall(stated(strange, tension_in_N=PULL, id="other"))
                     answer = reader.until("id", "other")[-1]
                     assert answer["t"] == strange
                     assert "send seconds of one clock" in answer["warnings"][0]
-            source.sendall(line(half_circle(), 10 + 0.1 * i, tension_in_N=PULL, id=i))
+            source.sendall(stated(10 + 0.1 * i, tension_in_N=PULL, id=i))
             answer = reader.until("id", i)[-1]
             assert "warnings" not in answer
             tensions.append(answer["tension_out_N"])
@@ -105,10 +110,10 @@ def test_a_frame_of_another_client_far_in_the_future_changes_no_answer_to_the_fi
 @pytest.mark.parametrize("at", [0, 3])
 def test_a_sender_whose_clock_is_wrong_in_one_frame_is_answered_after_it(creeping, at):
     times = [10.0 + 0.1 * i for i in range(8)]
-    usual = piped([line(half_circle(), one, tension_in_N=PULL) for one in times], "--rig", creeping)
+    usual = piped([stated(one, tension_in_N=PULL) for one in times], "--rig", creeping)
     times[at] = 1.7e18
     times.append(10.0)  # of an earlier frame
-    *answers, again = piped([line(half_circle(), one, tension_in_N=PULL) for one in times], "--rig", creeping)
+    *answers, again = piped([stated(one, tension_in_N=PULL) for one in times], "--rig", creeping)
     assert ["warnings" in one for one in answers] == [i == at for i in range(8)]
     assert "comes after 10.7 s" in again["rejected"]
     tensions = [one["tension_out_N"] for one in answers]
@@ -120,12 +125,12 @@ def test_a_clock_that_begins_or_leaps_far_in_the_future_leaves_a_state_that_is_r
     tmp_path, creeping, start
 ):
     state, ends = tmp_path / "tendon.json", ("--rig", creeping, "--state", tmp_path / "tendon.json")
-    frames = [line(half_circle(), start + k * 1e9, tension_in_N=PULL) for k in (0, 1)]
+    frames = [stated(start + k * 1e9, tension_in_N=PULL) for k in (0, 1)]
     first, leaps = piped(frames, *ends)
     assert "begins at 0 s" in first["warnings"][0]
     assert "later than the last frame: it counts as" in leaps["warnings"][0]
     assert 0.0 < read_state(state).time <= 60.0
-    (answer,) = piped([line(half_circle(), 1.0, tension_in_N=PULL)], *ends)
+    (answer,) = piped([stated(1.0, tension_in_N=PULL)], *ends)
     assert answer["tension_out_N"] > 0.0
 
 
@@ -143,7 +148,7 @@ def test_a_state_of_any_time_is_read_as_it_was_written(tmp_path, creeping, tempe
 @pytest.mark.parametrize("follows", [(), ("--adapt",)])
 def test_a_position_of_the_drive_that_makes_no_sense_is_rejected(follows):
     moves = (2e-3, 1000.0, 2e-3)  # m
-    frames = [json.loads(line(half_circle(), 0.1 * i)) for i in range(len(moves))]
+    frames = [json.loads(stated(0.1 * i)) for i in range(len(moves))]
     for one, position in zip(frames, moves, strict=True):
         del one["tension_in_N"]
         one["displacement_in_m"] = position

@@ -60,9 +60,6 @@ class VerdictLimits:
     """Of the detection limit: rms that may be left of any channel [1]; chosen on development seeds."""
     share: float = 0.1
     """Of what was left without any part: a larger rest has no name [1]; chosen on development seeds."""
-    kept: float = 0.35
-    """Of the misfit of held-out runs: parts that leave no more are kept, whatever remains [1]; derived: the
-    goal of what is predicted with a law, docs/targets.md."""
 
 
 VERDICT = VerdictLimits()
@@ -82,14 +79,12 @@ class Judgement:
 def judged(
     first: tuple[Problem, Fit], chosen: Selection, names: tuple[str, ...], held: HeldOut | None
 ) -> Judgement:
-    """Say what the selection amounts to; docs/model.md (113), (114), (320)."""
+    """Say what the selection amounts to; docs/model.md (113), (114)."""
     before, after = left_by(*first, held), left_by(chosen.problem, chosen.fit, held)
     reason = why_unknown([name_of(effect) for effect in chosen.fit.at.effects], before, after)
     if not reason and not chosen.fit.at.effects and held is not None and not held.explained(first[1].at):
         reason = f"{after[-1]:.2g} {_LIMIT} is left on the runs that were not fitted"
     bent = "" if reason else _bent(chosen, names)
-    if reason and chosen.fit.at.effects and held is not None and held.ratio(chosen.fit.at) <= VERDICT.kept:
-        return Judgement("partial", f"{after[0]:.2g} {_LIMIT}", False)
     if reason or bent:
         return Judgement("unknown", reason or bent, bool(bent))
     if not chosen.fit.at.effects:
