@@ -79,6 +79,11 @@ class Sensor(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     drift_time_s: float = 0.0
     """Time constant with which this drift ends, as that of a cell that warms up [s]; 0 where it goes on."""
 
+    @property
+    def reading_noise(self) -> float:
+        """Standard deviation of one reading, of noise and digits, as stated; 0 where nothing is."""
+        return math.hypot(self.noise, self.resolution / math.sqrt(12.0))
+
     def __post_init__(self) -> None:
         for name in ("noise", "resolution", "full_scale", "nonlinearity", "lag_s", "drift_time_s"):
             require_at_least_zero(f"sensors.*.{name}", getattr(self, name), "")

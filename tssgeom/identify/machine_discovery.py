@@ -29,7 +29,7 @@ from tssgeom.identify.machine_evidence import (
 )
 from tssgeom.identify.machine_finding import MachineCampaign, MachineWork, NamedZero
 from tssgeom.identify.machine_fit import fit_from, start_of
-from tssgeom.identify.machine_parameters import parameters_of, route_numbers, with_unknown_bends
+from tssgeom.identify.machine_parameters import has_unknown_bends, parameters_of, route_numbers
 from tssgeom.identify.machine_parts import parts_of
 from tssgeom.identify.machine_problem import FIT, FitState, Problem, fitted_rows
 from tssgeom.identify.machine_refit import without_zeros
@@ -110,7 +110,7 @@ def machine_work(
     """Return what the steps of the workflow leave, and notes; arguments and errors of `discover_machine`."""
     progress("fitting what is not certain", 0.02)
     fitted, kept, said = parted_runs(campaign)
-    if with_unknown_bends(fitted, campaign.rig, ())[0] is not campaign.rig:
+    if has_unknown_bends(fitted, campaign.rig):
         said = (*said, _EVEN)
     parameters = tuple(parameters_of(fitted, campaign.rig, campaign.uncertain))
     problem = Problem(fitted, campaign.rig, parameters, fitted_rows(fitted, held_out=False), FIT.bars)

@@ -20,7 +20,7 @@ from tssgeom.identify.machine_parts import Part
 from tssgeom.identify.machine_problem import FIT, FitState, Problem, fitted_rows
 from tssgeom.identify.machine_run import MachineRun
 from tssgeom.identify.machine_sensor_errors import without_sensor_errors
-from tssgeom.rig import Rig
+from tssgeom.rig import Rig, Sensor
 from tssgeom.statistics import NORMAL_95, reading_noise, root_mean_square
 
 
@@ -251,7 +251,5 @@ def noise_of(models: Sequence[FittedModel], rig: Rig) -> dict[str, float]:
     for (k, name, at), left in zip(best.problem.rows, best.state.left, strict=True):
         measured = best.problem.runs[k].measured[name][at]
         least = min(reading_noise(measured), reading_noise(left))
-        stated = rig.sensors.get(name)
-        said = 0.0 if stated is None else math.hypot(stated.noise, stated.resolution / math.sqrt(12.0))
-        out[name] = max(out.get(name, 0.0), said or least)
+        out[name] = max(out.get(name, 0.0), rig.sensors.get(name, Sensor()).reading_noise or least)
     return out

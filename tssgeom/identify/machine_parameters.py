@@ -59,14 +59,18 @@ def with_unknown_bends(
 
     A rig that gives the angle of its sheaths says no more than their sum.
     """
-    stated = rig.route
-    one_piece = all(len(arcs.length) == 1 for run in runs for arcs in run.routes)
-    if stated.bends or stated.length_m is None or not stated.angle_rad or not one_piece:
+    if not has_unknown_bends(runs, rig):
         return rig, tuple(uncertain)
-    even = msgspec.structs.replace(stated, bends=(1.0,) * BENDS.parts)
+    even = msgspec.structs.replace(rig.route, bends=(1.0,) * BENDS.parts)
     prior = Prior(1.0, BENDS.log_sd)
     more = (Uncertain(f"{_BENDS}[{k}]", prior, stated=False) for k in range(BENDS.parts))
     return msgspec.structs.replace(rig, route=even), (*uncertain, *more)
+
+
+def has_unknown_bends(runs: Sequence[MachineRun], rig: Rig) -> bool:
+    """Whether neither rig nor shape says where sheaths bend whose length and angle the rig gives."""
+    stated, one_piece = rig.route, all(len(arcs.length) == 1 for run in runs for arcs in run.routes)
+    return one_piece and not stated.bends and stated.length_m is not None and bool(stated.angle_rad)
 
 
 def parameters_of(runs: Sequence[MachineRun], rig: Rig, uncertain: Sequence[Uncertain]) -> list[Parameter]:

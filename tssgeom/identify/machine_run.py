@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -184,8 +183,8 @@ def machine_run(
 def _noise_of(readings: Vector, time: Vector, sensor: Sensor) -> float:
     """Return the noise that readings show, and no less than what their digits and the rig state."""
     there = np.isfinite(readings) & np.isfinite(time)
-    stated = math.hypot(sensor.noise, sensor.resolution / math.sqrt(12.0))
-    return max(reading_noise(readings[there], time[there]), digit_noise(readings[there]), stated)
+    displayed = reading_noise(readings[there], time[there])
+    return max(displayed, digit_noise(readings[there]), sensor.reading_noise)
 
 
 def _position_beside_force(

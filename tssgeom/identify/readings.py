@@ -5,7 +5,6 @@ Source: docs/discovery.md, "How it decides", steps 1 and 2.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
@@ -157,8 +156,7 @@ def _drive(rig: Rig, runs: tuple[Run, ...]) -> Drive:
 
 def noise_of(rig: Rig, channel: str, time: Vector, column: Vector) -> float:
     """Return white noise with digits: as specified, or as the readings show where that is much more."""
-    sensor = rig.sensors.get(channel, Sensor())
-    stated = math.hypot(sensor.noise, sensor.resolution / math.sqrt(12.0))
+    stated = rig.sensors.get(channel, Sensor()).reading_noise
     there = in_order(time, column)
     displayed = reading_noise(column[there], time[there]) if np.count_nonzero(there) > _FEW else 0.0
     if stated == 0.0 or displayed > STATED.far_less * stated:
@@ -237,8 +235,7 @@ def _clean(column: Vector, sensor: Sensor) -> tuple[Vector, list[str]]:
 def _notes_on_noise(name: str, rig: Rig, noise: Mapping[str, float]) -> list[str]:
     out = []
     for channel, used in noise.items():
-        sensor = rig.sensors.get(channel, Sensor())
-        stated = math.hypot(sensor.noise, sensor.resolution / math.sqrt(12.0))
+        stated = rig.sensors.get(channel, Sensor()).reading_noise
         unit = UNITS.get(channel, "m")
         if stated == 0.0:
             out.append(

@@ -176,7 +176,7 @@ def joint_errors(
         Where a machine has no equilibrium there.
     """
     angles = list[Vector]()
-    for each in machine_commander_of(rig, uncertain, waits=True).variants:
+    for each in (*_of_numbers(rig, uncertain), *_of_route(rig)):
         routes = [routed(each.bent_route(one, one.total_angle_se), each.rig) for one in arcs]
         done = simulated(machine_of(each.rig, routes), run, drive="motor_angle_rad")
         angles.append(done.channels["joint_angle_rad"])
@@ -193,12 +193,20 @@ def machine_commander_of(
     SettingsError
         Where a number is out of bounds a standard deviation from its value.
     """
-    variants = [
+    variants = _of_numbers(rig, uncertain)
+    if variants or waits or tolerance is not None:
+        variants += _of_route(rig)
+    return MachineCommander(tolerance, waits, variants)
+
+
+def _of_numbers(rig: Rig, uncertain: Sequence[Uncertain]) -> tuple[MachineVariant, ...]:
+    return tuple(
         MachineVariant(with_values(rig, {each.key: each.prior.value(u)}))
         for each in uncertain
         if each.stated
         for u in (-1.0, 1.0)
-    ]
-    if variants or waits or tolerance is not None:
-        variants += [MachineVariant(rig, bent) for bent in (-1.0, 1.0)]
-    return MachineCommander(tolerance, waits, tuple(variants))
+    )
+
+
+def _of_route(rig: Rig) -> tuple[MachineVariant, ...]:
+    return tuple(MachineVariant(rig, bent) for bent in (-1.0, 1.0))

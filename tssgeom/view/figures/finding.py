@@ -16,7 +16,18 @@ from tssgeom.identify.finding import Candidate, Finding, LawCurve, Trace
 from tssgeom.identify.misfit import measured_channels
 from tssgeom.identify.verdict import OVER
 from tssgeom.view import finding_wording as words
-from tssgeom.view.figures.plots import BLUE, INK, ORANGE, PAGE, figure, legend_below, measured, panels, titles
+from tssgeom.view.figures.plots import (
+    BAND,
+    BLUE,
+    INK,
+    ORANGE,
+    PAGE,
+    figure,
+    legend_below,
+    measured,
+    panels,
+    titles,
+)
 
 _SCALES = {"m": ("mm", 1e3), "m/s": ("mm/s", 1e3)}
 _COLUMNS = 2
@@ -28,7 +39,7 @@ _PALE = "#c3c9d4"
 _LINEAR = 20.0  # ΔBIC up to which the axis is linear [1]; chosen: thresholds of clean campaigns are below
 
 
-_BAND, _SPREAD = "#c9dcea", "#d9dee6"
+_SPREAD = "#d9dee6"
 _HELD = "#f6f3e6"
 _ACROSS = ("tension_out_N", "elongation_m", "displacement_out_m", "tension_in_N")
 """What is drawn against the proximal tension, the first two that were measured."""
@@ -81,7 +92,7 @@ def draw_loops(axes: Axes, finding: Finding, name: str) -> Axes:
     for start, stop in _strokes(across):
         low, high = (factor * (after + side)[start:stop] for side in (-spread, spread))
         label = "_" if start else f"{drawn['after']} ± 2σ of the sensors"
-        axes.fill_between(across[start:stop], low, high, color=_BAND, linewidth=0, zorder=1, label=label)
+        axes.fill_between(across[start:stop], low, high, color=BAND, linewidth=0, zorder=1, label=label)
     for when, title in drawn.items():
         values = factor * getattr(trace, when)[name]
         axes.plot(_across(trace, when), values, label=title, linewidth=1.2, zorder=4, **_STYLES[when])
@@ -184,7 +195,7 @@ def missing_figure(finding: Finding) -> Figure:
                 shape.x,
                 shape.friction - _SIGMAS * shape.se,
                 shape.friction + _SIGMAS * shape.se,
-                color=_BAND,
+                color=BAND,
                 linewidth=0,
             )
             axes.plot(shape.x, shape.friction, color=BLUE, marker="o", markersize=3)
@@ -264,7 +275,7 @@ def _draw(axes: Axes, each: Candidate, finding: Finding) -> None:
     assert law is not None
     name, x, unit = _abscissa(law)
     label, y_unit, factor = _ordinate(each, law)
-    axes.fill_between(x, factor * law.low, factor * law.high, color=_BAND, linewidth=0, label="95 % band")
+    axes.fill_between(x, factor * law.low, factor * law.high, color=BAND, linewidth=0, label="95 % band")
     style = {"marker": "o", "markersize": 3} if len(x) < _FEW else {}
     axes.plot(x, factor * law.value, color=BLUE, linewidth=1.4, label="law", **style)
     if each.names[0].startswith("friction_over"):
