@@ -35,6 +35,7 @@ from tssgeom.plausibility.frames import rig_remarks
 from tssgeom.rig import Rig, read_uncertain_rig
 from tssgeom.stream import Frame, FrameResult, Rejected
 from tssgeom.summary import RunningSummary
+from tssgeom.tendon.commander import Commander, carried_errors
 from tssgeom.uncertain import UNKNOWNS, Uncertain, require_known
 
 Done = TypeVar("Done")
@@ -62,11 +63,16 @@ class RunSettings:
     columns: ColumnMap = NO_MAP
     """The user's statements on columns of tables."""
     uncertain: tuple[Uncertain, ...] = ()
-    """What is not certain of the rig; commands count it in their errors."""
+    """What is not certain of the rig; commands and standard errors count it."""
     at: float | None = None
     """Time of the frame that represents a recording [s]; None: at the highest peak of T_in."""
     tension_in_given: bool = True
     """False where `tension_in` is the default."""
+
+    @property
+    def commander(self) -> Commander | None:
+        """What carries one tendon with the errors of its rig; None where there are none."""
+        return carried_errors(self.rig, self.uncertain)
 
 
 @dataclass(frozen=True, slots=True)
@@ -208,7 +214,9 @@ def analysis_of(
     running = RunningSummary.of(recording.frame_count, settings.at)
     share = size_of(path) / max(recording.frame_count, 1)
     processed = first_pulls if settings.geometry_only else recorded
-    for item in processed(recording.frames, settings.rig, tension_in=settings.tension_in):
+    for item in processed(
+        recording.frames, settings.rig, tension_in=settings.tension_in, commander=settings.commander
+    ):
         running.add(item, frame_row(item))
         step(1, share)
     return require_used(name, relative(path), recording, running.close())
@@ -323,7 +331,7 @@ def one_line(text: str) -> str:
 
 
 def first_pulls(
-    frames: Iterable[Frame | Rejected], rig: Rig, *, tension_in: float
+    frames: Iterable[Frame | Rejected], rig: Rig, *, tension_in: float, commander: Commander | None = None
 ) -> Iterator[FrameResult | Rejected]:
     """Yield the result of each frame, chunk by chunk as `batch` shares them among its workers."""
     from tssgeom.io.results.tables import CHUNK
@@ -333,4 +341,4 @@ def first_pulls(
         chunk = list(islice(frames, CHUNK))
         if not chunk:
             return
-        yield from alone(chunk, rig, tension_in=tension_in, first=first)
+        yield from alone(chunk, rig, tension_in=tension_in, first=first, commander=commander)

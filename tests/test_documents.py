@@ -20,6 +20,7 @@ from tssgeom.rig import Rig, read_uncertain_rig
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.machine import machine_of
 from tssgeom.tendon.machine_simulation import drive_channels, simulate_machine
+from tssgeom.uncertain import parted
 
 HOME = Path(__file__).parents[1]
 DOCUMENTS = [HOME / "README.md", HOME / "CONTRIBUTING.md", *pages(HOME)]
@@ -57,8 +58,13 @@ def test_the_first_python_of_the_readme_prints_plots_and_saves(capsys, tmp_path,
 
 
 def test_the_effects_of_the_formats_are_a_rig():
-    columns, _, markers, scan, example, laws, adapt = blocks("docs/formats.md", "toml")
+    columns, _, errors, markers, scan, example, laws, adapt = blocks("docs/formats.md", "toml")
     assert msgspec.toml.decode(columns, type=Rig).columns["Pos"] == "displacement_in_m:mm"
+    _, uncertain = parted(msgspec.toml.decode(errors))
+    assert [each.correlation for each in uncertain] == [
+        {"tendon.pretension_N": -0.9995},
+        {"friction.coefficient": -0.9995},
+    ]
     assert len(msgspec.toml.decode(markers, type=Rig).shape.marker_offset_mm) == 4
     assert msgspec.toml.decode(scan, type=Rig).shape.source == "centreline"
     assert len(msgspec.toml.decode(example, type=Rig).effects) == 2

@@ -18,6 +18,7 @@ from tssgeom.stream import Frame, FrameResult, at_rest, pulled
 
 if TYPE_CHECKING:
     from tssgeom.route.repeated import Repeated
+    from tssgeom.tendon.commander import Commander
 
 _A_RADIAN, _LEAST = 20, 60
 """Points of an even bend a radian, and the least number of them; chosen: a spline follows it to 1e-7 rad."""
@@ -31,8 +32,11 @@ def analyse(
     *,
     tension_in: float = 15.0,
     stations: Vector | None = None,
+    commander: Commander | None = None,
 ) -> FrameResult:
     """Fit the route of one shape and pull its tendon for the first time; as `tssgeom.analyse`, without files.
+
+    A `commander` holds the tendon as it may be, where numbers of the rig have errors.
 
     Raises
     ------
@@ -48,7 +52,7 @@ def analyse(
     else:
         frame = Frame(read_only(np.array(points, dtype=np.float64)), stations=stations)
     chosen = Rig() if rig is None else rig
-    return pulled(0, frame, at_rest(chosen), chosen, tension_in, sensed_route(frame, chosen))
+    return pulled(0, frame, at_rest(chosen), chosen, tension_in, sensed_route(frame, chosen), commander)
 
 
 def even_bend(arcs: Arcs) -> FrameResult:

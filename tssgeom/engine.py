@@ -258,14 +258,10 @@ def process(
 
 
 def recorded(
-    frames: Iterable[Frame | Rejected], rig: Rig, *, tension_in: float, state: Carried | None = None
+    frames: Iterable[Frame | Rejected], rig: Rig, *, tension_in: float, commander: Commander | None = None
 ) -> Iterator[FrameResult | Rejected]:
-    """Do as `process` on frames that are recorded: the points of each are filtered also by those after it.
-
-    Some hundred frames are read before the first result, and smoothed in windows that overlap; docs/model.md
-    (162).
-    """
-    engine = Engine(rig, tension_in=tension_in, state=state)
+    """Do as `process`, some hundred frames at a time, in windows that overlap; docs/model.md (162)."""
+    engine = Engine(rig, tension_in=tension_in, commander=commander)
     yield from _carried(smoothed_in_windows(frames, rig), engine)
 
 
@@ -318,11 +314,14 @@ def _reason(fault: Exception) -> str:
 
 
 def alone(
-    frames: Iterable[Frame | Rejected], rig: Rig, *, tension_in: float, first: int = 0
+    frames: Iterable[Frame | Rejected],
+    rig: Rig,
+    *,
+    tension_in: float,
+    first: int = 0,
+    commander: Commander | None = None,
 ) -> Iterator[FrameResult | Rejected]:
-    """Turn frames into results as if each were the first pull of its tendon; only the fit goes on.
-
-    The points of each are filtered by those of the frames before and after it; docs/model.md (162).
+    """Turn frames into results as if each were the first pull of its tendon; only the fit goes on; (162).
 
     Parameters
     ----------
@@ -334,6 +333,8 @@ def alone(
         Total tension at the proximal end for frames that bring no drive and no target [N].
     first
         Count of the first of these frames in its recording.
+    commander
+        The tendon as it may be, where numbers of the rig have errors.
     """
     rest = at_rest(rig)
     last: TrackedFit | None = None
@@ -344,7 +345,7 @@ def alone(
             yield replace(frame, seq=seq)
             continue
         sensed = _attempt(seq, frame, sensed_route, frame, rig, last, points.get(seq - first))
-        result = _pulled(seq, frame, rest, rig, tension_in, sensed)
+        result = _pulled(seq, frame, rest, rig, tension_in, sensed, commander)
         if isinstance(result, FrameResult):
             last, result = result.tracked, _watched(result, watch, rig)
         yield result

@@ -2,6 +2,7 @@
 
 import itertools
 import math
+import re
 import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -14,13 +15,14 @@ from tssgeom.atomic import write_text
 from tssgeom.effects import AnyEffect, wrong_effect
 from tssgeom.errors import SettingsError, printable, require, require_at_least_zero, require_file
 from tssgeom.mechanism import Drive, End, GivenRoute
-from tssgeom.toml_keys import with_short_keys, without_none
-from tssgeom.uncertain import Follow, Uncertain, keys_of, parted, path_of, require_known, with_choices
+from tssgeom.toml_keys import with_choices, with_short_keys, without_none
+from tssgeom.uncertain import CERTAIN, Follow, RigErrors, Uncertain, keys_of, parted, path_of, require_known
 
 Source = Literal["markers", "em", "fbg", "centreline", "smoothed"]
 """Where the points of a route come from; docs/model.md (164)."""
 
 _MOST_BYTES = 1 << 20  # of a rig file: more is none
+_QUOTED = re.compile(r'"(\{ value = [^"]* \})"')  # a number with its error
 
 
 class Tendon(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -319,15 +321,15 @@ def _set(tables: Any, path: Sequence[str | int], value: float) -> None:
     tables[path[-1]] = value
 
 
-def write_rig(path: Path, rig: Rig, provenance: Sequence[str] = ()) -> None:
+def write_rig(path: Path, rig: Rig, provenance: Sequence[str] = (), errors: RigErrors = CERTAIN) -> None:
     """Write a rig as TOML, which `read_rig` reads back alike.
 
     Parameters
     ----------
     path, rig
         The file, and what it is to hold.
-    provenance
-        Origin of its numbers, a comment line each.
+    provenance, errors
+        Origin of its numbers, a comment line each, and their errors, as `read_uncertain_rig` reads them.
 
     Raises
     ------
@@ -336,6 +338,7 @@ def write_rig(path: Path, rig: Rig, provenance: Sequence[str] = ()) -> None:
     """
     comments = "".join(f"# {printable(' '.join(line.split()))}\n" for line in provenance)
     tables = without_none(msgspec.to_builtins(rig, enc_hook=float))  # fits give numpy's floats
+    errors.state(tables)
     for name in ("drive", "end", "route"):
         if getattr(rig, name) == getattr(Rig(), name):
             del tables[name]
@@ -343,4 +346,4 @@ def write_rig(path: Path, rig: Rig, provenance: Sequence[str] = ()) -> None:
         for name in ("zero", "gain", "lag_s", "drift_per_s", "drift_time_s"):
             if sensor[name] == getattr(Sensor(), name):
                 del sensor[name]
-    write_text(path, comments + "\n" * bool(comments) + tomli_w.dumps(tables))
+    write_text(path, comments + "\n" * bool(comments) + _QUOTED.sub(r"\1", tomli_w.dumps(tables)))

@@ -22,7 +22,7 @@ from tssgeom.route.route_fit import RouteFit
 from tssgeom.route.tracking import TrackedFit
 from tssgeom.sensed_route import SensedRoute
 from tssgeom.tendon.command import Command
-from tssgeom.tendon.command_error import Step
+from tssgeom.tendon.command_error import Step, with_rig_errors
 from tssgeom.tendon.commander import Commander, Given, commander_of
 from tssgeom.tendon.machine_commander import Moved, machine_commander_of
 from tssgeom.tendon.machine_stream import (
@@ -190,6 +190,9 @@ def pulled(
         from tssgeom.adapt.followed_tendon import with_filter
 
         transmission = with_filter(transmission, known)
+    else:
+        by_position = given.tension_in is None and (given.displacement_in is not None or command is not None)
+        transmission = with_rig_errors(transmission, commander.variants, by_tension=not by_position)
     of_route = frame.warnings + shape.warnings + fit.warnings
     of_frame = _temperature_warnings(rig, frame) + _unread(frame) + warnings
     return FrameResult(

@@ -6,20 +6,25 @@ Source: docs/model.md (179), (200).
 from __future__ import annotations
 
 import difflib
-import functools
+import itertools
 import math
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, NamedTuple, get_args
+from typing import Any, NamedTuple
 
 import msgspec
+import numpy as np
 
+from tssgeom.arrays import Matrix
 from tssgeom.effects import KINDS
 from tssgeom.errors import SettingsError
 
 UNKNOWN = "unknown"
+CORRELATIONS = "correlations"
+"""The table of a rig file with the correlations of its errors."""
+_ROUNDED = 1e-3  # below 0 by as much for each number, an eigenvalue of correlations is 0 [1]; chosen: digits
 
 
 class Follow(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -90,14 +95,50 @@ class Uncertain:
     prior: Prior
     stated: bool
     """Whether the rig gives its value and error; else it is unknown."""
+    correlation: Mapping[str, float] = field(default_factory=dict, hash=False)
+    """By key, that of its error with errors of other numbers [1]; 0 with all that are not named."""
+
+
+@dataclass(frozen=True, slots=True)
+class RigErrors:
+    """Errors of numbers of a rig, as a fit gives them."""
+
+    keys: tuple[str, ...]
+    sd: tuple[float, ...]
+    """Standard deviation of each, in its unit."""
+    correlation: Matrix
+    """[numbers, numbers] [1]."""
+
+    def state(self, tables: dict[str, Any]) -> None:
+        """Put them into the tables of a rig file, each pair of correlations once."""
+        for key, sd in zip(self.keys, self.sd, strict=True):
+            for *way, last in map(path_of, keys_of(key)):
+                table: Any = tables
+                for part in way:
+                    table = table[part]
+                table[last] = f"{{ value = {table[last]!r}, sd = {sd:.4g} }}"  # a string until it is written
+        together: dict[str, dict[str, float]] = {}
+        names = [(k, one) for k, key in enumerate(self.keys) for one in keys_of(key)]
+        for (a, one), (b, other) in itertools.combinations(names, 2):
+            if value := round(float(self.correlation[a, b]), 6):
+                together.setdefault(one, {})[other] = value
+        if together:
+            tables[CORRELATIONS] = together
+
+
+CERTAIN = RigErrors((), (), np.eye(0))
+"""No errors at all."""
 
 
 def parted(tables: dict[str, Any]) -> tuple[dict[str, Any], tuple[Uncertain, ...]]:
     """Return the tables of a rig with a number for each one that is not certain, and those.
 
-    Raises SettingsError where an error is no number above 0, or nothing is known of what may be unknown.
+    Raises SettingsError where an error is no number above 0, nothing is known of what may be unknown, or
+    correlations are of no numbers with an error, or contradict each other.
     """
     uncertain = list[Uncertain]()
+    tables = dict(tables)
+    together = tables.pop(CORRELATIONS, {})
 
     def visit(value: Any, key: str) -> Any:
         if value == UNKNOWN or (isinstance(value, dict) and value.keys() == {"value", "sd"}):
@@ -109,7 +150,23 @@ def parted(tables: dict[str, Any]) -> tuple[dict[str, Any], tuple[Uncertain, ...
             return [visit(item, f"{key}[{k}]") for k, item in enumerate(value)]
         return value
 
-    return visit(tables, ""), tuple(uncertain)
+    known = visit(tables, "")
+    return known, _correlated(uncertain, together) if together else tuple(uncertain)
+
+
+def deviations(uncertain: Sequence[Uncertain]) -> Iterator[dict[str, float]]:
+    """Yield, by key, what errors add up from: values one standard deviation to either side, two and two.
+
+    Each pair moves the numbers along one principal axis of their errors; a number whose error goes with no
+    other one has an axis of its own. Source: docs/model.md (212), (318).
+    """
+    value, way = np.linalg.eigh(_matrix(uncertain))
+    alone = np.array_equal(value, np.ones(len(value)))
+    axes = np.eye(len(value)) if alone else (way * np.sqrt(np.maximum(value, 0.0))).T[::-1]
+    for axis in axes:
+        moved = [(each, u) for each, u in zip(uncertain, axis.tolist(), strict=True) if u != 0.0]
+        for sign in (-1.0, 1.0) if moved else ():
+            yield {each.key: each.prior.value(sign * u) for each, u in moved}
 
 
 def assumed(key: str, value: float, sd: float) -> Prior:
@@ -138,6 +195,36 @@ def keys_of(key: str) -> list[str]:
     if first != "sensors" or not more:
         return [key]
     return [".".join([first, channel, *more[1:]]) for channel in more[0].split("+")]
+
+
+def _matrix(uncertain: Sequence[Uncertain]) -> Matrix:
+    """Return the correlations of errors [numbers, numbers]."""
+    keys = [each.key for each in uncertain]
+    rows = [
+        [1.0 if key == each.key else each.correlation.get(key, 0.0) for key in keys] for each in uncertain
+    ]
+    return np.array(rows).reshape(len(keys), len(keys))
+
+
+def _correlated(uncertain: Sequence[Uncertain], tables: Any) -> tuple[Uncertain, ...]:
+    """Return numbers with the correlations of their errors, as a rig file gives them."""
+    stated: dict[str, dict[str, float]] = {each.key: {} for each in uncertain if each.stated}
+    if not isinstance(tables, dict) or not all(isinstance(row, dict) for row in tables.values()):
+        raise SettingsError(f'{CORRELATIONS} is no table of tables: write "KEY" = {{ "OTHER KEY" = 0.5 }}')
+    for one, other, value in ((a, b, value) for a, row in tables.items() for b, value in row.items()):
+        name = f"{CORRELATIONS}: {one} and {other}"
+        for key in (one, other):
+            if key not in stated:
+                raise SettingsError(f"{name}: {key} has no error: write it as {{ value = …, sd = … }}")
+        if one == other or not isinstance(value, int | float) or not abs(value) <= 1.0:
+            raise SettingsError(f"{name} = {value}: give a number from -1 to 1 for two numbers")
+        if stated[one].get(other, value) != value:
+            raise SettingsError(f"{name} stand there twice, with {stated[one][other]:g} and {value:g}")
+        stated[one][other] = stated[other][one] = float(value)
+    made = tuple(replace(each, correlation=stated.get(each.key, {})) for each in uncertain)
+    if np.linalg.eigvalsh(_matrix(made))[0] < -_ROUNDED * len(made):
+        raise SettingsError(f"{CORRELATIONS} contradict each other: no errors go together like this")
+    return made
 
 
 def _uncertain(key: str, value: Any, tables: dict[str, Any]) -> Uncertain:
@@ -170,23 +257,3 @@ def require_known(path: str | Path, uncertain: Sequence[Uncertain]) -> None:
     unknown = ", ".join(each.key for each in uncertain if not each.stated)
     if unknown:
         raise SettingsError(f"{path}: {unknown} is unknown: give a value, or find it with tssgeom calibrate")
-
-
-def with_choices(reported: str, like: msgspec.Struct) -> str:
-    """Return what msgspec reports of a file, and the nearest key or value of a struct of its form."""
-    wrong = r"(?:Object contains unknown field `(\w+)`|Invalid enum value '(.*)')(?:.*`\$\.?(.*)`)?"
-    match = re.match(wrong, reported)
-    if match is None:
-        return reported
-    steps = [each for each in (match[3] or "").split(".") if each]
-    last = steps.pop() if match[2] else ""
-    try:
-        types = {
-            each.name: each.type for each in msgspec.structs.fields(functools.reduce(getattr, steps, like))
-        }
-        choices = list(map(str, get_args(types[last]) if match[2] else types))
-    except (AttributeError, KeyError, TypeError):  # in a list, or in a table of the user's own names
-        return reported
-    near = difflib.get_close_matches(match[1] or match[2], choices, 1)
-    hint = f"did you mean {near[0]}?" if near else f"there are {', '.join(choices)}"
-    return f"{reported}; {hint}"

@@ -218,7 +218,9 @@ def _parts(task: Task, recording: Recording, stride: int, share: Share | None) -
         calls = _chunks(task.name, recording, stride, settings, frame_size)
         yield from share(part_alone, calls) if share else (part_alone(*call) for call in calls)
         return
-    results = recorded(recording.frames, settings.rig, tension_in=settings.tension_in)
+    results = recorded(
+        recording.frames, settings.rig, tension_in=settings.tension_in, commander=settings.commander
+    )
     for part in parts(task.name, results, stride, numbers_of(settings.rig)):
         report_progress(part.summary.frames, frame_size * part.summary.frames)
         yield part
@@ -243,7 +245,8 @@ def part_alone(
 ) -> Part:
     """Analyse the frames of one chunk, each for itself; the fit starts anew with the chunk."""
     with single_threaded():
-        results = alone(frames, settings.rig, tension_in=settings.tension_in, first=first)
+        tension_in, commander = settings.tension_in, settings.commander
+        results = alone(frames, settings.rig, tension_in=tension_in, first=first, commander=commander)
         part = part_of(name, results, stride, numbers_of(settings.rig))
     report_progress(len(frames), frame_size * len(frames))
     return part

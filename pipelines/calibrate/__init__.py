@@ -75,6 +75,13 @@ def calibrate(
     columns: Map = None,
     figures: Figures = None,
     style: FigureStyle = "light",
+    with_errors: Annotated[
+        bool,
+        typer.Option(
+            "--with-errors",
+            help="Write what is fitted as { value, sd }: commands count these errors.",
+        ),
+    ] = False,
     force: Annotated[
         bool, typer.Option("--force", help="Write the rig even where the fit fails its test.")
     ] = False,
@@ -100,7 +107,9 @@ def calibrate(
     from tssgeom.api.inputs import measured_of
     from tssgeom.errors import SettingsError, require_replaceable
     from tssgeom.identify import calibration
+    from tssgeom.identify.rig_errors import of_calibration
     from tssgeom.rig import write_rig
+    from tssgeom.uncertain import CERTAIN
 
     choose(style)
     settings = run_settings(rig, None, unit, columns=columns, may_be_uncertain=True, takes_machines=True)
@@ -118,6 +127,7 @@ def calibrate(
             settings,
             folder=folder,
             figures=figures,
+            with_errors=with_errors,
             force=force,
             as_json=as_json,
             quiet=quiet,
@@ -146,7 +156,8 @@ def calibrate(
     summary = _object(run, shape, out if written else None, fitted, result.arcs, settings.rig)
     write_report(run.stem, folder, figures, summary, _drawings(fitted))
     if written:
-        write_rig(out, fitted.applied(settings.rig), _provenance(run, shape, fitted, result.arcs))
+        errors = of_calibration(fitted, settings.rig) if with_errors else CERTAIN
+        write_rig(out, fitted.applied(settings.rig), _provenance(run, shape, fitted, result.arcs), errors)
     if as_json:
         print_json(summary)
     elif not quiet:

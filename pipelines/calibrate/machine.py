@@ -33,6 +33,7 @@ def calibrate_machine(
     *,
     folder: Path | None,
     figures: Path | None,
+    with_errors: bool,
     force: bool,
     as_json: bool,
     quiet: bool,
@@ -41,6 +42,7 @@ def calibrate_machine(
     from pipelines.runs import measured_run
     from tssgeom.api.machine_calls import fitted_machine
     from tssgeom.rig import write_rig
+    from tssgeom.uncertain import CERTAIN
 
     arcs = sensed_arcs(shapes, settings)
     runs = [measured_run(path, settings) for path in paths]
@@ -53,7 +55,8 @@ def calibrate_machine(
     summary = _object(paths, shapes, out if written else None, fitted)
     write_report(paths[0].stem, folder, figures, summary, _drawings(fitted))
     if written:
-        write_rig(out, fitted.rig, _provenance(paths, shapes, fitted))
+        errors = fitted.errors if with_errors else CERTAIN
+        write_rig(out, fitted.rig, _provenance(paths, shapes, fitted), errors)
     if as_json:
         print_json(summary)
     elif not quiet:

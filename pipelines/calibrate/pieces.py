@@ -34,6 +34,7 @@ def calibrate_pieces(
     every: float,
     folder: Path | None,
     figures: Path | None,
+    with_errors: bool,
     force: bool,
     as_json: bool,
     quiet: bool,
@@ -43,6 +44,7 @@ def calibrate_pieces(
     from tssgeom.api.machine_calls import routes_of_runs
     from tssgeom.identify import calibrated_pieces
     from tssgeom.rig import write_rig
+    from tssgeom.uncertain import CERTAIN
     from tssgeom.view.figures.machine import course_figure
 
     if len(paths) > 1:
@@ -64,7 +66,8 @@ def calibrate_pieces(
     summary = _object(path, shapes, out if usable else None, every, pieces)
     write_report(path.stem, folder, figures, summary, {"course": lambda: course_figure(pieces)})
     if usable:
-        write_rig(out, usable[-1].rig, _provenance(path, shapes, pieces))
+        errors = usable[-1].errors if with_errors else CERTAIN
+        write_rig(out, usable[-1].rig, _provenance(path, shapes, pieces), errors)
     if as_json:
         print_json(summary)
     elif not quiet:

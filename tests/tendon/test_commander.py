@@ -11,7 +11,7 @@ from tssgeom.engine import process
 from tssgeom.errors import SettingsError
 from tssgeom.frame import Frame
 from tssgeom.mechanism import Drive, DriveLimits
-from tssgeom.rig import Friction, Load, Rig, ShapeSensor, Tendon
+from tssgeom.rig import Friction, Load, Rig, ShapeSensor, Tendon, with_values
 from tssgeom.route.pieces import Arcs
 from tssgeom.stream import FrameResult
 from tssgeom.tendon.command import compensate
@@ -71,6 +71,47 @@ def test_an_uncertain_friction_counts_as_its_derivative_says():
     assert command.errors.tension_out_by_tension == pytest.approx(5.0 * ANGLE * 0.01, rel=0.01)
     assert command.errors.displacement_out_by_tension == pytest.approx(5e-3 * ANGLE * 0.01, rel=0.01)
     assert command.displacement_out_se < 0.5 * command.errors.displacement_out_by_tension
+
+
+def test_errors_that_cancel_count_less_than_each_alone():
+    """A drive that holds a position: friction and stretch both keep the end back."""
+    rig = Rig(tendon=Tendon(pretension_N=3.0))
+    rho = Uncertain("tendon.compliance_per_N", assumed("", 3.16e-4, 2e-5), stated=True)
+    apart = commanded(rig, [2e-3], [FRICTION, rho])[0].errors
+    ends = {}
+    for together in (-0.99, 0.99):
+        one = replace(FRICTION, correlation={rho.key: together})
+        other = replace(rho, correlation={FRICTION.key: together})
+        ends[together] = commanded(rig, [2e-3], [one, other])[0].errors
+    draws = np.random.default_rng(3).multivariate_normal([0.0, 0.0], [[1.0, 0.99], [0.99, 1.0]], 400)
+    at = commanded(rig, [2e-3])[0].displacement_in
+    ways = [
+        transmit(step(pretensioned(one), ROUTE, one, displacement_in=at), one).displacement_out
+        for u, v in draws
+        for one in [with_values(rig, {FRICTION.key: FRICTION.prior.value(u), rho.key: rho.prior.value(v)})]
+    ]
+    assert ends[0.99].displacement_out == pytest.approx(np.std(ways), rel=0.2)  # 400 draws: as above
+    both = 0.5 * (ends[0.99].displacement_out ** 2 + ends[-0.99].displacement_out ** 2)
+    assert both == pytest.approx(apart.displacement_out**2, rel=0.01)
+    assert ends[-0.99].displacement_out < 0.7 * ends[0.99].displacement_out
+
+
+def test_tension_and_elongation_of_a_frame_have_the_errors_of_the_rig():
+    points = (
+        0.5
+        / ANGLE
+        * np.column_stack([f(np.linspace(0.0, ANGLE, 60)) for f in (np.sin, np.cos, np.zeros_like)])
+    )
+    frames = [Frame(points, time=0.1 * k, tension_in=pull) for k, pull in enumerate((5.0, 10.0))]
+    plain = list(process(frames, RIG, tension_in=0.0))
+    known = list(process(frames, RIG, tension_in=0.0, commander=commander_of(RIG, [FRICTION])))
+    for one, other in zip(plain, known, strict=True):
+        a, b = one.transmission, other.transmission
+        assert b.tension_out == a.tension_out
+        assert math.hypot(a.tension_out_se, b.tension_out * ANGLE * 0.01) == pytest.approx(
+            b.tension_out_se, rel=0.01
+        )
+        assert b.elongation_se > 1.05 * a.elongation_se
 
 
 def test_the_scale_of_the_angles_counts_as_much_as_friction():

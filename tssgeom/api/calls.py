@@ -89,24 +89,24 @@ def analyse(
     >>> print(f"{result.profile.total_angle:.4f} rad, {result.transmission.tension_out:.3f} N")
     3.1416 rad, 9.512 N
     """
-    tension_in = tension_of(tension_in)
+    tension_in, commander = tension_of(tension_in), None
     if isinstance(rig, str | Path):
-        from tssgeom.rig import read_rig
+        from tssgeom.api.inputs import carried_rig_of
 
-        rig = read_rig(rig)
+        rig, commander = carried_rig_of(rig)
     if isinstance(points, Frame):
         require_no_unit(unit, "a Frame")
-        return analysis.analyse(points, rig, tension_in=tension_in, stations=stations)
+        return analysis.analyse(points, rig, tension_in=tension_in, stations=stations, commander=commander)
     if not isinstance(points, str | Path):
         if unit not in (None, "m"):
             points = cast("Points", in_metres(points, unit))
             stations = None if stations is None else in_metres(stations, unit)
-        return analysis.analyse(points, rig, tension_in=tension_in, stations=stations)
+        return analysis.analyse(points, rig, tension_in=tension_in, stations=stations, commander=commander)
     if stations is not None:
         raise SettingsError(f"{points}: stations belong to an array: give them as the column s_m of the file")
     from tssgeom.api.inputs import last_result, read
 
-    return last_result(read(points, unit), rig, tension_in)
+    return last_result(read(points, unit), rig, tension_in, commander)
 
 
 def analyse_all(
@@ -155,7 +155,7 @@ def analyse_all(
     """
     from collections import Counter
 
-    from tssgeom.api.inputs import read, rig_of
+    from tssgeom.api.inputs import carried_rig_of, read
     from tssgeom.api.runs import RecordingResult
     from tssgeom.engine import recorded
     from tssgeom.io.formats.recording import Recording, in_order
@@ -166,7 +166,8 @@ def analyse_all(
     else:
         require_no_unit(unit, "a recording")
     of = frames if isinstance(frames, Recording) else None
-    items = list(recorded(in_order(frames), rig_of(rig), tension_in=tension_in))
+    known, commander = carried_rig_of(rig)
+    items = list(recorded(in_order(frames), known, tension_in=tension_in, commander=commander))
     results = tuple(each for each in items if isinstance(each, FrameResult))
     rejected = tuple(each for each in items if isinstance(each, Rejected))
     warnings = tuple(Counter(text for each in results for text in each.warnings))

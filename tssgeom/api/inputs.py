@@ -26,6 +26,7 @@ from tssgeom.plausibility.runs import run_remarks
 from tssgeom.rig import Rig, read_rig, read_uncertain_rig
 from tssgeom.route.pieces import Arcs
 from tssgeom.stream import Frame, FrameResult, Rejected
+from tssgeom.tendon.commander import Commander, carried_errors
 from tssgeom.tendon.machine import route_of_rig
 from tssgeom.tendon.moving import MovingRoute
 from tssgeom.uncertain import Uncertain, require_known
@@ -122,7 +123,9 @@ def read(path: str | Path, unit: str | None = None, columns: Iterable[str] = ())
     return recording
 
 
-def last_result(recording: Recording, rig: Rig | None, tension_in: float) -> FrameResult:
+def last_result(
+    recording: Recording, rig: Rig | None, tension_in: float, commander: Commander | None = None
+) -> FrameResult:
     """Carry a tendon through a recording, and return the result of the last frame that can be used.
 
     Raises
@@ -131,12 +134,14 @@ def last_result(recording: Recording, rig: Rig | None, tension_in: float) -> Fra
         Where none can be.
     """
     with _python_words():
-        return _last_result(recording, rig, tension_in)
+        return _last_result(recording, rig, tension_in, commander)
 
 
-def _last_result(recording: Recording, rig: Rig | None, tension_in: float) -> FrameResult:
+def _last_result(
+    recording: Recording, rig: Rig | None, tension_in: float, commander: Commander | None
+) -> FrameResult:
     last, first = None, "it holds no frame"
-    for item in recorded(recording.frames, rig or Rig(), tension_in=tension_in):
+    for item in recorded(recording.frames, rig or Rig(), tension_in=tension_in, commander=commander):
         if isinstance(item, FrameResult):
             last = item
         elif last is None and item.seq == 0:
@@ -151,6 +156,12 @@ def rig_of(rig: RigGiven) -> Rig:
     if rig is None:
         return Rig()
     return rig if isinstance(rig, Rig) else read_rig(rig)
+
+
+def carried_rig_of(rig: RigGiven) -> tuple[Rig, Commander | None]:
+    """Return a rig, and what carries its tendon where its file gives errors of its numbers."""
+    known, uncertain = uncertain_rig_of(rig)
+    return known, carried_errors(known, uncertain)
 
 
 def uncertain_rig_of(rig: RigGiven, *, may_be_unknown: bool = False) -> tuple[Rig, tuple[Uncertain, ...]]:

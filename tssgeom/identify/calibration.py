@@ -48,7 +48,7 @@ from tssgeom.least_squares import SOLVER
 from tssgeom.result import Result
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
-from tssgeom.statistics import reading_noise, root_mean_square
+from tssgeom.statistics import NORMAL_95, reading_noise, root_mean_square
 
 _LEAST_ANGLE = 0.05  # of a route on which friction shows [rad]; derived: friction of 0.2 takes 1 % there
 _WANTED = (("tension_out_offset", "N"), ("elongation_offset", "m"))
@@ -99,6 +99,10 @@ class Calibration(Result):
     """[n] The readings that count, NaN elsewhere, by the same names."""
     tension_in: Vector
     """[n] T_in of the fitted model [N]."""
+    fitted_names: tuple[str, ...]
+    """Names of the estimates that the fit has, in the order of `covariance`."""
+    covariance: Matrix
+    """[fitted, fitted] Of a normal law with their 95 % intervals: of ln μ and ln ρ [1], of zeros [N, m]."""
 
     @property
     def failures(self) -> tuple[str, ...]:
@@ -293,6 +297,7 @@ def _calibration(fit: _Fit, of_route: Matrix, warnings: tuple[str, ...]) -> Cali
     )
     estimates = {each.name: each for each in _estimates(fit, half, observable)}
     fitted = fit.run.channels(fit.at, problem.rig)
+    unit = np.array([1.0, 1.0, *(zero.sd for zero in fit.run.zeros)]) * quantile / NORMAL_95
     return Calibration(
         estimates,
         channels,
@@ -301,6 +306,8 @@ def _calibration(fit: _Fit, of_route: Matrix, warnings: tuple[str, ...]) -> Cali
         {NAMES[block.channel]: fitted[block.channel] for block in stack.blocks},
         {NAMES[block.channel]: fit.run.reading.measured[block.channel] for block in stack.blocks},
         fitted["tension_in_N"],
+        ("friction", "compliance", *(zero.name for zero in fit.run.zeros)),
+        read_only((fit.covariance + of_route) * np.outer(unit, unit)),
     )
 
 

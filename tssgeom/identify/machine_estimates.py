@@ -20,10 +20,12 @@ from tssgeom.identify.machine_parameters import route_numbers
 from tssgeom.identify.machine_posterior import Posterior, posterior_of
 from tssgeom.identify.machine_problem import FitState, Problem
 from tssgeom.identify.machine_run import MachineRun
+from tssgeom.identify.rig_errors import of_machine
 from tssgeom.result import Result
 from tssgeom.rig import Rig, with_values
 from tssgeom.statistics import NORMAL_95, root_mean_square
 from tssgeom.tendon.machine import routed
+from tssgeom.uncertain import CERTAIN, RigErrors
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +75,8 @@ class MachineCalibration(Result):
     """What the model gives in each channel of each run."""
     warnings: tuple[str, ...]
     """What to know of the runs, a sentence each."""
+    errors: RigErrors = CERTAIN
+    """Of the numbers of the rig, as `write_rig` takes them."""
     laws: Mapping[str, LawCurve] = field(default_factory=dict)
     """By name: free laws that were fitted; docs/model.md (311)."""
 
@@ -129,6 +133,7 @@ def calibration_of(
         problem.runs,
         tuple(problem.answers(state.channels)),
         (*notes, *(note for run in problem.runs for note in run.notes), *misfits(channels)),
+        of_machine(problem, posterior),
         {} if normal else {law.name: law_band(problem, state, law) for law in problem.laws},
     )
 

@@ -19,7 +19,7 @@ from tssgeom.route.resolution import NO_ERRORS, SharedErrors
 from tssgeom.statistics import NORMAL_95
 from tssgeom.tendon.state import UNCHANGED, TendonState, corners, pretensioned, step, transmit
 from tssgeom.tendon.transmission import Transmission, elongation_slopes
-from tssgeom.uncertain import Uncertain
+from tssgeom.uncertain import Uncertain, deviations
 
 _OF_ONE_TENDON = (
     "friction.",
@@ -167,17 +167,13 @@ def variants_of(
 ) -> tuple[Variant, ...]:
     """Return two variants of a rig for each of its numbers with an error, and for its `angle_gain_sd`.
 
-    Each has one number a standard deviation higher or lower. All begin with `state`; without it each begins
-    at its own pretension.
+    Each has one number a standard deviation higher or lower, or several whose errors go together. All begin
+    with `state`; without it each begins at its own pretension.
 
     Raises SettingsError where a number is out of bounds a standard deviation from its value.
     """
-    rigs = [
-        (with_values(rig, {each.key: each.prior.value(u)}), 1.0)
-        for each in uncertain
-        if each.stated and each.key.startswith(_OF_ONE_TENDON)
-        for u in (-1.0, 1.0)
-    ]
+    of_tendon = [each for each in uncertain if each.stated and each.key.startswith(_OF_ONE_TENDON)]
+    rigs = [(with_values(rig, values), 1.0) for values in deviations(of_tendon)]
     if (gain := rig.shape.angle_gain_sd) > 0.0:
         rigs += [(rig, max(1.0 - gain, 0.0)), (rig, 1.0 + gain)]
     begun = [(one, gain, pretensioned(one) if state is None else state) for one, gain in rigs]
@@ -195,6 +191,22 @@ def spread(variants: Sequence[Variant]) -> DistalErrors:
     ]
     values = np.array(ends).reshape(len(variants), 4)
     return DistalErrors(*spread_of(values, np.array([each.weight for each in variants])).tolist())
+
+
+def with_rig_errors(ends: Transmission, variants: Sequence[Variant], *, by_tension: bool) -> Transmission:
+    """Return what a tendon transmits with the errors of its rig beside those of its route; (212).
+
+    It is driven by a tension or by a position, which its variants have too.
+    """
+    if not variants:
+        return ends
+    each = [transmit(one.pulled if by_tension else one.located, one.rig) for one in variants]
+    values = np.array([(one.tension_out, one.elongation) for one in each])
+    tension_out, elongation = spread_of(values, np.array([one.weight for one in variants])).tolist()
+    return ends._replace(
+        tension_out_se=math.hypot(ends.tension_out_se, tension_out),
+        elongation_se=math.hypot(ends.elongation_se, elongation),
+    )
 
 
 def spread_of(values: Matrix, weight: Vector) -> Vector:

@@ -289,3 +289,8 @@ def commander_of(
     if rig.is_machine:
         of_machine = machine_commander_of(rig, uncertain, tolerance=tolerance, waits=policy == "wait")
     return Commander(rig, variants_of(rig, uncertain, state), tolerance, policy, of_machine=of_machine)
+
+
+def carried_errors(rig: Rig, uncertain: Sequence[Uncertain]) -> Commander | None:
+    """Return what carries one tendon with the errors of its rig; None of a machine, or without any."""
+    return None if rig.is_machine or not uncertain else commander_of(rig, uncertain)

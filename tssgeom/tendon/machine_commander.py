@@ -27,7 +27,7 @@ from tssgeom.tendon.machine_stream import (
     brings_drive,
     moved_machine,
 )
-from tssgeom.uncertain import Uncertain
+from tssgeom.uncertain import Uncertain, deviations
 
 
 @dataclass(frozen=True, slots=True)
@@ -200,12 +200,8 @@ def machine_commander_of(
 
 
 def _of_numbers(rig: Rig, uncertain: Sequence[Uncertain]) -> tuple[MachineVariant, ...]:
-    return tuple(
-        MachineVariant(with_values(rig, {each.key: each.prior.value(u)}))
-        for each in uncertain
-        if each.stated
-        for u in (-1.0, 1.0)
-    )
+    stated = [each for each in uncertain if each.stated]
+    return tuple(MachineVariant(with_values(rig, values)) for values in deviations(stated))
 
 
 def _of_route(rig: Rig) -> tuple[MachineVariant, ...]:

@@ -29,9 +29,9 @@ class Transmission(NamedTuple):
     elongation: float
     """Elongation of the tendon inside the sheath, above the pretensioned state [m]."""
     elongation_se: float
-    """Standard error of the elongation from that of the pieces [m]."""
+    """Standard error of the elongation, from that of the pieces and, in a stream, of the rig [m]."""
     tension_out_se: float
-    """Standard error of the distal tension from that of the pieces [N]."""
+    """Standard error of the distal tension, from that of the pieces and, in a stream, of the rig [N]."""
     direction_index: int
     """ζ: +1 pulling, −1 releasing."""
     dead_zone: bool
