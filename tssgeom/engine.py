@@ -327,14 +327,12 @@ def alone(
     ----------
     frames
         Sensed shapes, in order, all of which are read before the first result.
-    rig
-        Tendon, friction and sensors.
+    rig, commander
+        Tendon, friction and sensors, and the tendon as it may be where these have errors.
     tension_in
         Total tension at the proximal end for frames that bring no drive and no target [N].
     first
         Count of the first of these frames in its recording.
-    commander
-        The tendon as it may be, where numbers of the rig have errors.
     """
     rest = at_rest(rig)
     last: TrackedFit | None = None
