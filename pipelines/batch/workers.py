@@ -125,7 +125,7 @@ class WorkerPool:
         self, work: Callable[[Given], Done], suspects: Sequence[Given]
     ) -> Iterator[tuple[Given, Done | WorkerLost]]:
         """Find which of the calls under way killed a worker: each gets a worker of its own."""
-        self.executor.shutdown(wait=False)
+        _give_up(self.executor)
         for one in suspects:
             self.executor = self.make(1)
             future = self._submit(work, one)
@@ -160,12 +160,23 @@ class WorkerPool:
         try:
             return future.result()
         except BrokenExecutor as error:
-            self.executor.shutdown(wait=False)
+            _give_up(self.executor)
             self.executor = self.make(self.count)
             raise SourceError(_LOST_REASON) from error
 
 
 _LOST_REASON = "the worker process of it was lost, perhaps for lack of memory: run it alone with --workers 1"
+
+
+def _give_up(executor: Executor) -> None:
+    """End an executor that has lost a worker, and those that it still has.
+
+    It ends them by a signal that they do not hear, and waits for them: since Python 3.12 with its lock held.
+    """
+    if isinstance(executor, ProcessPoolExecutor):
+        for worker in multiprocessing.active_children():
+            worker.kill()
+    executor.shutdown(wait=False)
 
 
 def _any_done(running: Iterable[Future[Any]]) -> bool:

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from multiprocessing import active_children
 from pathlib import Path
 
 import numpy as np
@@ -184,6 +185,7 @@ def die_of(what: str) -> str:
 def test_a_worker_that_dies_takes_only_its_own_call_with_it() -> None:
     with worker_pool(2, None, lambda frames, size: None) as pool:
         done = dict(pool.unordered(die_of, ["a", "poison"]))
+        assert not active_children()  # the other worker of the lost executor went too
     assert isinstance(done.pop("poison"), WorkerLost)
     assert done == {"a": "A"}
 
