@@ -222,7 +222,7 @@ class _Laws:
             upper=longer(named.upper, *(one.upper * np.ones(one.size) for one in laws)),
             centre=longer(named.centre, none),
             step=longer(named.step, none + SOLVER.coarse_step),
-            longest=longer(named.longest, none + 0.5 * LAW_FIT.level),
+            longest=longer(named.longest, *(np.full(one.size, _longest(one)) for one in laws)),
             whitened=self.problem.whitening.whitened,
             close=named.close,
         )
@@ -235,6 +235,11 @@ class _Laws:
         evidence = -0.5 * (end.chi2 + float(whole) - float(prior))
         rest = evidence, end.left, end.residual, -end.jacobian, end.covariance
         return LawFit(at, terms, end.chi2, *rest)
+
+
+def _longest(law: Mechanism) -> float:
+    """Return the step that one pass of a fit may take, in u."""
+    return np.inf if law.is_straight else 0.5 * LAW_FIT.level
 
 
 def _precision(at: Point, terms: Sequence[Term]) -> Matrix:

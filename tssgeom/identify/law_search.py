@@ -18,7 +18,7 @@ from tssgeom.identify.law_fit import Added, LawFit, Score, Term, fitted, score, 
 from tssgeom.identify.mechanisms import MECHANISM_OF, Mechanism, mechanisms
 from tssgeom.identify.misfit import HeldOut
 from tssgeom.identify.prediction import FINE, simulated
-from tssgeom.identify.screening import Variant, detected_size, screening
+from tssgeom.identify.screening import Variant, detected_size, screening, variants
 from tssgeom.identify.selection import SEARCH, name_of, without
 from tssgeom.least_squares import SOLVER
 from tssgeom.statistics import EVIDENCE_SCALE
@@ -129,6 +129,22 @@ def searched(
             break
     least, added, fallen = _pruned(problem, now, held, start)
     return LawSearch(problem, start, _finest(problem, least, held, start), added, fallen, tuple(rounds))
+
+
+def law_promises_more(problem: Problem, base: Fit, names: Point) -> bool:
+    """Whether a law that has no formula promises more than names give, without them; docs/model.md (320)."""
+    start, named = fitted(problem, base.at, ()), fitted(problem, names, ())
+    if start is None or named is None or not names.effects:
+        return False
+    given = 2.0 * (named.log_evidence - start.log_evidence)
+    with_formula = {MECHANISM_OF[one.name] for one in variants(problem.stack)[0]}
+    without = (
+        one
+        for one in mechanisms(problem.stack, problem.rig)
+        if one.name.partition(":")[0] not in with_formula
+    )
+    promised = (score(problem, start, one) for one in without)
+    return any(one is not None and one.gain > given for one in promised)
 
 
 def _finest(problem: Problem, fit: LawFit, held: HeldOut | None, base: LawFit) -> LawFit:
@@ -276,7 +292,7 @@ def _judged(
         return replace(one, veto=f"it changes no channel by more than {size:.2g} of the detection limit")
     if any(term.at_bound for term in fit.terms):
         return replace(one, veto="its law is at a bound")
-    if _named_at_bound(fit.at):
+    if at_bound(fit.at):
         return replace(one, veto="one of its numbers is at a bound")
     if not _holds_with_fine_bars(problem, held, fit):
         return replace(one, veto="it finds no equilibrium with finer bars")
@@ -297,7 +313,8 @@ def _holds_with_fine_bars(problem: Problem, held: HeldOut | None, fit: LawFit) -
     return True
 
 
-def _named_at_bound(at: Point) -> bool:
+def at_bound(at: Point) -> bool:
+    """Whether a number of what is named is as far as it may go."""
     for free in at.free:
         value = getattr(at.effects[free.effect], free.key)
         own = at.effects[free.effect].parameters[free.key]

@@ -127,6 +127,8 @@ class Mechanism:
     """Whether u are the steps from knot to knot, none of which falls."""
     more: int = 0
     """Numbers behind those of the knots, which the law is no curve of."""
+    is_straight: bool = False
+    """Whether readings follow the law in straight lines, however far it goes."""
 
     @property
     def size(self) -> int:
@@ -276,7 +278,8 @@ def _sensor(channel: str, over: str, x: Vector, unit: float, label: str) -> Mech
         return SensorLaw(channel=channel, over=over, x=knots, error=tuple(value(u).tolist()))  # type: ignore[arg-type]
 
     name = f"{'sensor_curve' if over == 'reading' else 'sensor_drift'}:{channel}"
-    return Mechanism(name, x, (x - x[0]) / (x[-1] - x[0]), effect, value, UNITS[channel], label)
+    even = (x - x[0]) / (x[-1] - x[0])
+    return Mechanism(name, x, even, effect, value, UNITS[channel], label, is_straight=True)
 
 
 def _lag(channel: str) -> Mechanism:

@@ -27,8 +27,8 @@ from tssgeom.identify.experiment_design import proposed
 from tssgeom.identify.finding import Finding
 from tssgeom.identify.fit import Fit, Problem, base_fit, columns, explained, posed
 from tssgeom.identify.law_finding import law_candidates, law_ranking
-from tssgeom.identify.law_fit import LawFit
-from tssgeom.identify.law_search import as_fit, needed, searched
+from tssgeom.identify.law_fit import LawFit, fitted
+from tssgeom.identify.law_search import as_fit, at_bound, law_promises_more, needed, searched
 from tssgeom.identify.misfit import UNINFORMATIVE, held_out, misfits, traces
 from tssgeom.identify.prediction import Errors, stacked
 from tssgeom.identify.proposal import Asked
@@ -84,16 +84,16 @@ def _discovered(
     report("fitting friction and compliance", 0.05)
     report("refitting each effect of the library", 0.25)
     work = _worked(campaign, started, seed)
-    if work.judged.verdict == "unknown" or _leaves_something(work):
+    if _wants_laws(work):
         report("trying laws of their own", _LAWS_AT)
         bent = work.judged.bent
         work = _with_laws(campaign, started.runs, work, report)
         other = None if bent else _by_tension(campaign, started, work, report)
         again = None if other is None else _worked(campaign, other, seed)
         if other is not None and again is not None:
-            if not _explains(again):
+            if not _explains(again) or _wants_laws(again):
                 again = _with_laws(campaign, other.runs, again, report)
-            if _explains(again):
+            if _explains(again) and (not _is_named(work) or _needs_nothing(again) or _blames_position(again)):
                 started, work = other, again
     report("mapping where they disagree", 0.8)
     attribution = _attribution(started.runs, campaign, started.base)
@@ -108,6 +108,33 @@ def _discovered(
 
 def _explains(work: Work) -> bool:
     return work.judged.verdict != "unknown" and explained(work.chi2, work.chosen.problem.stack.size)
+
+
+def _is_named(work: Work) -> bool:
+    return work.judged.verdict != "unknown" and not work.judged.reason
+
+
+def _needs_nothing(work: Work) -> bool:
+    return explained(work.base.chi2, work.problem.stack.size)
+
+
+def _blames_position(work: Work) -> bool:
+    """Whether a law says what the position of the drive reads wrong."""
+    terms = () if work.laws is None else work.laws.fit.terms
+    return any(one.mechanism.name == "sensor_drift:displacement_in_m" for one in terms)
+
+
+def _wants_laws(work: Work) -> bool:
+    """Whether laws are to be tried: nothing is named, or too little by what was; docs/model.md (320)."""
+    if work.judged.verdict == "unknown" or _leaves_something(work):
+        return True
+    return _is_doubtful(work)
+
+
+def _is_doubtful(work: Work) -> bool:
+    """Whether a law without a formula promises more than the names, or a number of them is at its bound."""
+    names = work.chosen.fit.at
+    return at_bound(names) or law_promises_more(work.problem, work.base, names)
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,24 +157,22 @@ def _started(campaign: Campaign, drive: Drive | None) -> _Started:
 def _by_tension(
     campaign: Campaign, started: _Started, work: Work, report: Callable[[str, float], None]
 ) -> _Started | None:
-    """Start from the tension as drive where the position leaves more than the sensors explain.
+    """Start from the tension as drive where the position leaves more than the sensors explain, or errs.
 
-    Where a part was named with the position, only if the tension needs none.
+    Where a part was named with the position, the tension is taken only if it needs none, or shows what the
+    position itself reads wrong; docs/model.md (320).
     """
     runs, rows = started.runs, started.problem.stack.size
-    named = work.judged.verdict != "unknown" and not work.judged.reason
     if (
         runs[0].drive == "tension_in_N"
         or explained(started.base.chi2, rows)
-        or (named and explained(work.chi2, rows))
+        or (_is_named(work) and explained(work.chi2, rows) and not _blames_position(work))
     ):
         return None
     if any("tension_in_N" not in run.measured or len(run.measured) < 2 for run in runs):
         return None
     report("trying the tension as drive", 0.75)
     result = _started(campaign, "tension_in_N")
-    if named and not explained(result.base.chi2, result.problem.stack.size):
-        return None
     note = "The proximal tension drives the model: with the position as drive, no name explains the readings."
     return replace(result, notes=(*result.notes, note))
 
@@ -191,8 +216,15 @@ def _with_laws(
 
 
 def _better(work: Work, laws: LawFit) -> bool:
-    """Whether laws leave less than the names that were chosen, clearly so on held-out runs."""
+    """Whether laws leave less than the names that were chosen, clearly so on held-out runs.
+
+    Where the names are doubtful, all runs decide; docs/model.md (320).
+    """
     names = work.chosen.fit
+    if _is_doubtful(work):
+        named = fitted(work.problem, names.at, ())
+        rise = 0.0 if work.held is None else work.held.rise(names.at, laws.point)
+        return named is None or 2.0 * (laws.log_evidence - named.log_evidence) - rise > needed(laws)
     clearly = work.held is not None and -work.held.rise(names.at, laws.point) > needed(laws)
     return clearly and laws.chi2 < names.chi2
 
