@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from tests.bristle.chain import Bristles
-from tests.bristle.laws import Acts
+from tests.bristle.laws import Acts, dahl
 from tests.bristle.machine import run_pair
 from tests.bristle.rig import Rig as BristleRig
 from tests.bristle.rig import run
@@ -42,6 +42,28 @@ def test_a_tendon_is_that_of_bristles(distance, without):
     assert off("tension_in_N", base, true["tension_in"]) > without  # what the effect is for [N]
     assert off("tension_in_N", full, true["tension_in"]) < 1e-3  # of 30 bars; a tenth of it with 120
     assert off("tension_out_N", full, true["tension_out"]) < 2e-4
+
+
+@pytest.mark.parametrize(("distance", "alike"), [(1e-5, 0.02), (5e-5, 0.08), (2e-4, 0.25), (1e-3, 0.8)])
+def test_a_tendon_whose_contacts_differ_is_that_of_many_bristles_a_contact(distance, alike):
+    """By Dahl's law each contact has one bristle of those that each contact of the elements has; (323)."""
+    sheath = random_sheath(np.random.default_rng(3), 0.6, 3.0, 0)
+    at, share = dahl(distance, 40)
+    bristles = Bristles(breakaway_m=at, share=share)
+    true = run(BristleRig(0.15, 3e-4, 5.0, 2000.0, [sheath], bristles=bristles), sheath, TIME, STROKE, Acts())
+    rig = Rig(
+        tendon=Tendon(pretension_N=5.0, compliance_per_N=3e-4),
+        friction=Friction(coefficient=0.15),
+        load=Load(stiffness_N_per_m=2000.0),
+    )
+    given = {"time_s": TIME, "displacement_in_m": STROKE}
+    by_prandtl, by_dahl = (
+        predict(given, arcs_of(sheath), rig, (effect,))
+        for effect in (Presliding(distance_m=2.0 * distance), Presliding(distance_m=distance, law="dahl"))
+    )
+    assert off("tension_in_N", by_prandtl, true["tension_in"]) > alike  # with the mean path for all [N]
+    assert off("tension_in_N", by_dahl, true["tension_in"]) < 0.065  # of 30 bars; changes are 0.16 to 2.7
+    assert off("tension_out_N", by_dahl, true["tension_out"]) < 0.022
 
 
 def test_a_pair_on_a_joint_is_that_of_bristles():

@@ -175,7 +175,7 @@ def test_three_tendons_that_move_apart_are_balanced_in_each_sample():
 def test_a_step_that_no_relaxation_brings_to_rest_is_relaxed_to_the_end_but_once():
     """Drag of a billion times the stiffness: what rounding leaves is more than ends the iteration."""
     drive, end = np.array([[1.409], [1.975]]), np.array([[-0.471], [2.1]])
-    plant, memory, none = np.ones((1, 16 * 9 + 431)), np.ones((1, 9 * 9 + 7)), np.zeros(0)
+    plant, memory, none = np.ones((1, 17 * 9 + 430)), np.ones((1, 9 * 9 + 7)), np.zeros(0)
     mechanism = np.zeros((1, 0)), np.zeros((1, 0)), none, np.zeros((0, 2)), none, none, none
     begun = time.process_time()
     samples = np.array([0.66, 0.0]), drive, end, np.zeros((2, 0)), np.zeros(2)

@@ -133,11 +133,13 @@ def test_friction_that_falls_with_speed_is_a_law_with_a_memory(tmp_path):
     assert law.memory_s == pytest.approx(STEP.memory_s, rel=0.25)
 
 
-def test_contacts_that_break_away_after_a_path_get_no_wrong_name(tmp_path):
+def test_contacts_that_slide_one_after_the_other_are_presliding_by_dahls_law(tmp_path):
     finding = of_bristles(tmp_path / "runs", "presliding", 100)
-    assert finding.verdict == "unknown"
-    assert finding.effects == ()
-    assert "help" in finding.sentence
+    (one,) = finding.effects
+    assert (finding.verdict, one.names) == ("effect", ("presliding",))
+    (effect,) = finding.rig.effects
+    assert effect.law == "dahl"
+    assert effect.distance_m == pytest.approx(0.2e-3, rel=0.05)
 
 
 def test_a_single_run_holds_out_its_last_cycles(campaign):

@@ -41,6 +41,8 @@ class LawRows(NamedTuple):
     """As `creep_soft`, of the second element [m/N]."""
     creep_soft_3: int = 15
     """Of the third [m/N]."""
+    presliding: int = 16
+    """Movement of a contact before it slides; 0 where none gives [m]."""
 
 
 LAW = LawRows()
@@ -82,17 +84,15 @@ class PlantNumbers(NamedTuple):
     """Of the third [s]."""
     speed_memory: int = 17
     """Time in which friction follows the speed [s]."""
-    presliding: int = 18
-    """Movement of a contact before it slides [m]."""
-    presliding_reference: int = 19
-    """Tension at which it is that [N]."""
-    curved: int = 20
+    presliding_reference: int = 18
+    """Tension at which contacts give by as much as their row of `presliding` has [N]."""
+    curved: int = 19
     """Stretch is no straight line over tension."""
-    by_rate: int = 21
+    by_rate: int = 20
     """Friction depends on the speed of sliding."""
-    varied: int = 22
+    varied: int = 21
     """The cone depends on tension, travel or speed."""
-    swift: int = 23
+    swift: int = 22
     """Nothing but the drive moves the tendon: one sweep gives the answer."""
 
 

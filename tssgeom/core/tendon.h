@@ -83,7 +83,7 @@ ENTRY int64_t tss_equilibrium(
 `drive` is a tension [N] or, unless `by_force`, a position [m]; `position` is where the drive was [m]. Returns
 as `step_bars`, without what only a route gives. */
 ENTRY int64_t tss_step_laws(
-    int64_t k, const double memory[9 * (k + 1) + 7], const double plant[16 * (k + 1) + 431],
+    int64_t k, const double memory[9 * (k + 1) + 7], const double plant[17 * (k + 1) + 430],
     const double growth[k + 1], double drive, int64_t by_force, double position,
     OUT double after[9 * (k + 1) + 7], OUT double ends[9], WORK double work[20][k + 1]);
 
@@ -101,12 +101,12 @@ ENTRY int64_t tss_step_bars(
     const double now_covariance[2 * q][2 * q], int64_t compare, double friction, double compliance,
     double pretension, double stiffness, double lift, double most_friction, double length_before,
     double drive, int64_t by_force, double position, OUT double after[9 * (k + 1) + 7], OUT double ends[9],
-    WORK double plant[16 * (k + 1) + 431], WORK double work[48][k + 1]);
+    WORK double plant[17 * (k + 1) + 430], WORK double work[48][k + 1]);
 
 /** Return a plant with its contacts and saved paths as a route makes them; docs/model.md (52)-(60). */
 ENTRY void tss_plant_on_route(
-    int64_t k, const double edge[k], const double plant[16 * (k + 1) + 431], int64_t p, const double length[p],
-    const double angle[p], int64_t m, const double bends[m][3], OUT double after[16 * (k + 1) + 431],
+    int64_t k, const double edge[k], const double plant[17 * (k + 1) + 430], int64_t p, const double length[p],
+    const double angle[p], int64_t m, const double bends[m][3], OUT double after[17 * (k + 1) + 430],
     WORK double pieces[5][p + 2 * m], WORK double work[4][k]);
 
 /** Take the tendon through the samples of a run with every effect; docs/model.md (50)-(65).
@@ -116,7 +116,7 @@ the steps of each sample. Returns the number of samples done, fewer where one fa
 `out`: T_in, T_out [N], x_in, x_out [m], what the first and the last contact did; and, where `rows` is s and
 not 0, the tension of each bar [N]. */
 ENTRY int64_t tss_march(
-    int64_t k, const double plant[16 * (k + 1) + 431], const double memory[9 * (k + 1) + 7], int64_t by_force,
+    int64_t k, const double plant[17 * (k + 1) + 430], const double memory[9 * (k + 1) + 7], int64_t by_force,
     int64_t s, const double spans[s], const double drive[s], const double warmth[s], const int64_t parts[s],
     int64_t rows, OUT double after[9 * (k + 1) + 7], OUT double out[6][s], OUT double profile[rows][k + 1],
     WORK double work[20][k + 1]);
@@ -129,13 +129,13 @@ it; and `ends`: T_in, T_out [N], x_in, x_out [m], slip of the first and last con
 contacts that slid from the proximal end on, whether the route moved, and μΦ, beyond `most_friction` of which
 nothing is stepped. */
 ENTRY int64_t tss_step_with_effects(
-    int64_t k, const double edge[k], const double plant[16 * (k + 1) + 431],
+    int64_t k, const double edge[k], const double plant[17 * (k + 1) + 430],
     const double memory[9 * (k + 1) + 7], int64_t p, const double before_length[p],
     const double before_angle[p], const double before_covariance[2 * p][2 * p], int64_t q,
     const double now_length[q], const double now_angle[q], const double now_covariance[2 * q][2 * q],
     int64_t m, const double bends[m][3], int64_t compare, double friction, double most_friction, double drive,
     int64_t by_force, int64_t was_by_force, double position, int64_t front, double span, double warmth,
-    OUT double after[9 * (k + 1) + 7], OUT double plant_after[16 * (k + 1) + 431], OUT double ends[10],
+    OUT double after[9 * (k + 1) + 7], OUT double plant_after[17 * (k + 1) + 430], OUT double ends[10],
     WORK double pieces[5][q + 2 * m], WORK double work[24][k + 1]);
 
 /** Return both ends of a tendon with effects; docs/model.md (121)-(123).
@@ -143,7 +143,7 @@ ENTRY int64_t tss_step_with_effects(
 `way` is the direction index ζ, `front` the contacts that slid last. Returns standard error of the elongation
 [m] and of T_out [N], width of the dead zone [N], whether the load responded, angle of the slip front [rad]. */
 ENTRY void tss_transmit_with_effects(
-    int64_t k, const double edge[k], const double plant[16 * (k + 1) + 431],
+    int64_t k, const double edge[k], const double plant[17 * (k + 1) + 430],
     const double memory[9 * (k + 1) + 7], int64_t p, const double length[p], const double angle[p],
     const double covariance[2 * p][2 * p], int64_t way, int64_t front, OUT double ends[5],
     WORK double gradient[3][p], WORK double work[4][k]);
@@ -152,7 +152,7 @@ ENTRY void tss_transmit_with_effects(
 
 `tension_out` is the distal tension then [N]; docs/model.md (122). */
 ENTRY double tss_answering(
-    int64_t k, const double plant[16 * (k + 1) + 431], const double memory[9 * (k + 1) + 7],
+    int64_t k, const double plant[17 * (k + 1) + 430], const double memory[9 * (k + 1) + 7],
     double tension_out, int64_t way);
 
 /** Return the table of a curve through n ≤ 12 points; docs/model.md (185).
@@ -179,7 +179,7 @@ against each coordinate. A memory's row `rest` is added to that of its plant. Re
 done, the memories after them, the coordinates, T_in, T_out [N], x_in, x_out [m] of each tendon, and, where
 `rows` is s and not 0, the tension of each bar of each tendon [N]. */
 ENTRY int64_t tss_march_machine(
-    int64_t n, int64_t k, const double plant[n][16 * (k + 1) + 431], const double memory[n][9 * (k + 1) + 7],
+    int64_t n, int64_t k, const double plant[n][17 * (k + 1) + 430], const double memory[n][9 * (k + 1) + 7],
     int64_t m, const double proximal[n][m], const double distal[n][m], const double stiffness[m],
     const double gravity[m][2], const double friction[m], const double at_rest[m], const double start[m],
     int64_t by_force, int64_t s,
@@ -194,7 +194,7 @@ is exact to first order in their differences, as derivatives need. All else is a
 Returns the number of samples done by the first; the memories; the coordinates; and T_in, T_out [N], x_in, x_out [m]
 of each tendon. */
 ENTRY int64_t tss_march_beside(
-    int64_t c, int64_t n, int64_t k, const double plant[c][n * (16 * (k + 1) + 431)],
+    int64_t c, int64_t n, int64_t k, const double plant[c][n * (17 * (k + 1) + 430)],
     const double memory[c][n * (9 * (k + 1) + 7)], int64_t m, const double proximal[c][n * m],
     const double distal[c][n * m], const double stiffness[c][m], const double gravity[c][2 * m],
     const double friction[c], const double at_rest[c][m], const double start[c][m], int64_t by_force, int64_t s,
@@ -213,13 +213,13 @@ the plant. Tendon j begins as tendon `row[j]` of the w. Where the route has `mov
 or [m]; `warmth` [K]. Returns how many were stepped, fewer where one finds no equilibrium; the memories; T_in, T_out [N],
 x_in, x_out [m] of each; and what is read of T_in and T_out [N], and of the elongation [m]. */
 ENTRY int64_t tss_step_ensemble(
-    int64_t w, int64_t n, int64_t k, const double edge[k], int64_t d, const double plant[16 * (k + 1) + 431],
-    const double slope[d][16 * (k + 1) + 431], const double sensors[5], const double sensor_slope[d][5],
+    int64_t w, int64_t n, int64_t k, const double edge[k], int64_t d, const double plant[17 * (k + 1) + 430],
+    const double slope[d][17 * (k + 1) + 430], const double sensors[5], const double sensor_slope[d][5],
     const double shift[w][d], const double memory[w][9 * (k + 1) + 7], const int64_t row[n], int64_t p,
     const double length[p], const double angle[p], const double gain[w], int64_t m, const double bends[m][3],
     int64_t moved, int64_t by_force, int64_t was_by_force, const double position[w], const double drive[n],
     double span, double warmth, OUT double after[n][9 * (k + 1) + 7], OUT double ends[n][4],
-    OUT double read[n][3], WORK double own[16 * (k + 1) + 431], WORK double pieces[6][p + 2 * m],
+    OUT double read[n][3], WORK double own[17 * (k + 1) + 430], WORK double pieces[6][p + 2 * m],
     WORK double work[24][k + 1]);
 
 /** Step c machines of n tendons, whose plants are straight lines over d numbers; docs/model.md (201), (175).
@@ -229,14 +229,14 @@ machine are from those of the plants. Machine j begins with the memory in `row[j
 machine. Returns how many were stepped, fewer where one finds no equilibrium; the memories of the tendons; the
 coordinates; and T_in, T_out [N], x_in, x_out [m] of each tendon. */
 ENTRY int64_t tss_step_machines(
-    int64_t w, int64_t c, int64_t n, int64_t k, int64_t d, const double plant[n][16 * (k + 1) + 431],
-    const double slope[d][n * (16 * (k + 1) + 431)], const double shift[c][d],
+    int64_t w, int64_t c, int64_t n, int64_t k, int64_t d, const double plant[n][17 * (k + 1) + 430],
+    const double slope[d][n * (17 * (k + 1) + 430)], const double shift[c][d],
     const double memory[w][n * (9 * (k + 1) + 7)], const int64_t row[c], int64_t m, const double proximal[c][n * m],
     const double distal[c][n * m], const double stiffness[c][m], const double gravity[c][2 * m],
     const double friction[c], const double at_rest[c][m], const double start[c][m], int64_t by_force,
     const double drive[c][n], const double end[c][n], const double load[c][m], double span, double warmth,
     OUT double after[c][n * (9 * (k + 1) + 7)], OUT double coordinate[c][m], OUT double ends[c][4 * n],
-    WORK double own[n][16 * (k + 1) + 431], WORK double work[21 + n][k + 1]);
+    WORK double own[n][17 * (k + 1) + 430], WORK double work[21 + n][k + 1]);
 
 /** Shift n members by c readings, one after the other, as an ensemble square-root filter; docs/model.md (203).
 

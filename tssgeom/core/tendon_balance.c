@@ -7,9 +7,9 @@
 #include <string.h>
 
 size_t memory_bytes(int64_t k) { return (size_t)(9 * (k + 1) + 7) * sizeof(double); }
-size_t plant_bytes(int64_t k) { return (size_t)(16 * (k + 1) + 431) * sizeof(double); }
+size_t plant_bytes(int64_t k) { return (size_t)(17 * (k + 1) + 430) * sizeof(double); }
 
-const double *tables_of(int64_t k, const double *plant) { return plant + 16 * (k + 1) + 24; }
+const double *tables_of(int64_t k, const double *plant) { return plant + LAW_ROWS * (k + 1) + PLANT_NUMBERS; }
 
 /* Whether a law falls anywhere. */
 static int falls(const double *table) {
@@ -22,7 +22,7 @@ static int falls(const double *table) {
 
 bar_laws laws_of(int64_t k, const double *plant) {
     int64_t b = k + 1;
-    const double *number = plant + 16 * b;
+    const double *number = plant + LAW_ROWS * b;
     bar_laws laws = {.k = k};
     laws.soft = plant + LAW.soft * b, laws.toe = plant + LAW.toe * b,
     laws.toe_scale = plant + LAW.toe_scale * b;
@@ -43,7 +43,8 @@ bar_laws laws_of(int64_t k, const double *plant) {
     laws.load_exponent = number[PLANT.load_exponent], laws.load_reference = number[PLANT.load_reference];
     laws.wear_gain = number[PLANT.wear_gain], laws.wear_travel = number[PLANT.wear_travel];
     laws.speed_gain = number[PLANT.speed_gain], laws.speed_reference = number[PLANT.speed_reference];
-    laws.speed_memory = number[PLANT.speed_memory], laws.presliding = number[PLANT.presliding];
+    laws.speed_memory = number[PLANT.speed_memory];
+    laws.presliding = plant + LAW.presliding * b, laws.gives = laws.presliding[0] > 0.0;
     laws.presliding_reference = number[PLANT.presliding_reference];
     laws.curved = number[PLANT.curved] != 0.0, laws.by_rate = number[PLANT.by_rate] != 0.0;
     laws.varied = number[PLANT.varied] != 0.0, laws.swift = number[PLANT.swift] != 0.0;
@@ -89,7 +90,7 @@ void begin_room(const bar_laws *laws, step_room *room) {
 /* docs/model.md (279) */
 double bristle_of(const bar_laws *laws, int64_t i) {
     double exponent = 0.5 * (laws->pulling[i] + laws->releasing[i]) + laws->fitting[i];
-    return (exponent * laws->presliding_reference + laws->force[i]) / laws->presliding;
+    return (exponent * laws->presliding_reference + laws->force[i]) / laws->presliding[i];
 }
 
 const double *table_of(const double *tables, int64_t which) {
@@ -279,7 +280,7 @@ double balance(
         double factor = wear_factor(laws, memory->travel[i]);
         room->pulling[i] = laws->pulling[i] * factor, room->releasing[i] = laws->releasing[i] * factor;
     }
-    for (int64_t i = 0; laws->presliding > 0.0 && i < k; i++)
+    for (int64_t i = 0; laws->gives && i < k; i++)
         c->bristle[i] = bristle_of(laws, i), c->kept[i] = memory->tension[i] - memory->tension[i + 1];
     double change = INFINITY, residual = INFINITY, accepted = SOLVER.accepted;
     *solves = 0;

@@ -117,7 +117,7 @@ static int64_t no_step(int64_t k, const double *before, double *after, double en
 }
 
 int64_t tss_step_laws(
-    int64_t k, const double memory[9 * (k + 1) + 7], const double plant[16 * (k + 1) + 431],
+    int64_t k, const double memory[9 * (k + 1) + 7], const double plant[17 * (k + 1) + 430],
     const double growth[k + 1], double drive, int64_t by_force, double position,
     double after[9 * (k + 1) + 7], double ends[9], double work[20][k + 1]) {
     if (k < 2) return no_step(k, memory, after, ends, NO_EQUILIBRIUM);
@@ -133,7 +133,7 @@ int64_t tss_step_bars(
     const double now_covariance[2 * q][2 * q], int64_t compare, double friction, double compliance,
     double pretension, double stiffness, double lift, double most_friction, double length_before,
     double drive, int64_t by_force, double position, double after[9 * (k + 1) + 7], double ends[9],
-    double plant[16 * (k + 1) + 431],
+    double plant[17 * (k + 1) + 430],
     double work[48][k + 1]) {
     no_step(k, memory, after, ends, NO_EQUILIBRIUM);
     if (k < 2 || p == 0 || q == 0) return NO_EQUILIBRIUM;
@@ -147,7 +147,7 @@ int64_t tss_step_bars(
     if (bend > most_friction) return STUCK_FAST;
 
     contact_grid grid = grid_of(k, work[20]);
-    double *growth = work[24], *number = plant + 16 * (k + 1);
+    double *growth = work[24], *number = plant + LAW_ROWS * (k + 1);
     discretise(k, edge, p, before_length, before_angle, grid);
     double whole = total(k - 1, grid.length), *soft = plant + LAW.soft * (k + 1);
     double share = length_before > 0.0 ? 1.0 - length_before / whole : 0.0; /* by which the path grew */

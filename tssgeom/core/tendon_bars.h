@@ -2,7 +2,8 @@
 #pragma once
 #include "tendon.h"
 
-enum { CREEPS = 3 }; /* elements of creep */
+enum { CREEPS = 3 };    /* elements of creep */
+enum { LAW_ROWS = 17, PLANT_NUMBERS = 23 }; /* of LAW, then of PLANT, then the tables of CURVE */
 
 /* What a contact does: slides towards the proximal end, holds, slides towards the distal end. */
 enum { PULLED = 1, STUCK = 0, RELEASED = -1 };
@@ -20,12 +21,14 @@ typedef struct {
     const double *tables; /* of CURVE */
     double pretension, load, saved_scale, clearance, creep_time[CREEPS], load_exponent, load_reference;
     double wear_gain, wear_travel, speed_gain, speed_reference, speed_memory, backlash;
-    double presliding, presliding_reference; /* movement before a contact slides [m], at a tension of [N] */
+    const double *presliding;    /* movement before a contact slides [m], at a tension of [N] */
+    double presliding_reference;
     double now; /* factor of all friction in this step, by time and position [1] */
     int curved, by_rate, varied, swift;
     int loaded, by_speed, worn; /* whether friction depends on tension; on speed; on what was before */
     int late;                   /* whether it follows another speed than that of the step */
     int creeps;                 /* whether any bar does */
+    int gives;                  /* whether contacts do, before they slide */
 } bar_laws;
 
 /* What one step leaves to the next: the rows of MEMORY and the numbers of HELD. */

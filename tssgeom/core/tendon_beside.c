@@ -141,7 +141,7 @@ static void straighten(placed *p, const sample *it, int64_t i, const double z[],
         double w = now.displacement[c] - p->before.displacement[c], far = line[STIFFNESS][c + 1], here = 0.0;
         for (int row = SIDE; row <= BEHIND; row++) if (row != FREE) line[row][c] = 0.0;
         line[MOVED][c] = w;
-        if (now.slip[c] != STUCK || p->laws.presliding > 0.0) {
+        if (now.slip[c] != STUCK || p->laws.gives) {
             line[BEHIND][c] = behind_of(p, c, now.slip[c], now.tension[c], now.tension[c + 1], w, slope);
             line[SHARE][c] = 1.0 / (1.0 - slope[1]), line[SIDE][c] = slope[0] * line[SHARE][c];
             line[BEFORE][c] = -line[SIDE][c] * line[STIFFNESS][c];
@@ -169,7 +169,7 @@ static void differ(
     set_free(p, beside, place(p, beside, i, z), now.tension, trial, free, NULL);
     for (int64_t j = 0; j <= k; j++) trial[j] = line[STIFFNESS][j] * (free[j] - line[FREE][j]);
     if (it->by_force) trial[0] = p->target - now.tension[0];
-    if (p->laws.varied || p->laws.presliding > 0.0)
+    if (p->laws.varied || p->laws.gives)
         for (int64_t c = 0; c < k; c++) {
             if (line[SHARE][c] == 0.0) continue;
             double far = now.tension[c + 1];
@@ -261,7 +261,7 @@ static void step_beside(
 }
 
 int64_t tss_march_beside(
-    int64_t c, int64_t n, int64_t k, const double plant[c][n * (16 * (k + 1) + 431)],
+    int64_t c, int64_t n, int64_t k, const double plant[c][n * (17 * (k + 1) + 430)],
     const double memory[c][n * (9 * (k + 1) + 7)], int64_t m, const double proximal[c][n * m],
     const double distal[c][n * m], const double stiffness[c][m], const double gravity[c][2 * m],
     const double friction[c], const double at_rest[c][m], const double start[c][m], int64_t by_force, int64_t s,
@@ -269,7 +269,7 @@ int64_t tss_march_beside(
     const double load[c][s * m], const double warmth[s], double after[c][n * (9 * (k + 1) + 7)],
     double coordinate[c][s * m], double ends[c][s * 4 * n], double trial[n][9 * (k + 1) + 7],
     double room[c * n][96], double lines[n][17 * (k + 1)], double change[2 * n][k + 1], double work[24 + n][k + 1]) {
-    int64_t b = k + 1, rows = ROWS * b, size = 16 * b + 431;
+    int64_t b = k + 1, rows = ROWS * b, size = 17 * b + 430;
     double *turned = *coordinate, *read_out = *ends, *line[ROWS];
     for (int64_t i = 0; i < c * s * m; i++) turned[i] = NAN;
     for (int64_t i = 0; i < 4 * c * s * n; i++) read_out[i] = NAN;

@@ -15,7 +15,7 @@ static double angle_at(int64_t p, const double length[], const double angle[], d
 
 void set_contacts(int64_t k, double *plant, const double angle[]) {
     int64_t b = k + 1;
-    double friction = plant[16 * b + PLANT.friction], asymmetry = plant[16 * b + PLANT.asymmetry];
+    double friction = plant[LAW_ROWS * b + PLANT.friction], asymmetry = plant[LAW_ROWS * b + PLANT.asymmetry];
     for (int64_t i = 0; i < k; i++) { /* docs/model.md (41), (52) */
         double base = friction * angle[i], fitting = plant[LAW.fitting * b + i];
         double pulling = base * (1.0 + asymmetry), releasing = base * (1.0 - asymmetry);
@@ -28,7 +28,7 @@ void put_on_route(
     int64_t k, const double edge[], double *plant, int64_t p, const double length[], const double angle[],
     int64_t m, const double bends[][3], double *pieces, double *work) {
     int64_t b = k + 1, room = p + 2 * m;
-    double *number = plant + 16 * b, *saved = plant + LAW.saved * b;
+    double *number = plant + LAW_ROWS * b, *saved = plant + LAW.saved * b;
     if (m > 0) { /* docs/model.md (60) */
         p = add_bends(
             p, length, angle, m, bends, (double *[2]){pieces, pieces + room},
@@ -62,8 +62,8 @@ void put_on_route(
 }
 
 void tss_plant_on_route(
-    int64_t k, const double edge[k], const double plant[16 * (k + 1) + 431], int64_t p, const double length[p],
-    const double angle[p], int64_t m, const double bends[m][3], double after[16 * (k + 1) + 431],
+    int64_t k, const double edge[k], const double plant[17 * (k + 1) + 430], int64_t p, const double length[p],
+    const double angle[p], int64_t m, const double bends[m][3], double after[17 * (k + 1) + 430],
     double pieces[5][p + 2 * m], double work[4][k]) {
     memcpy(after, plant, plant_bytes(k));
     if (k > 1 && p > 0) put_on_route(k, edge, after, p, length, angle, m, bends, pieces[0], work[0]);
@@ -71,7 +71,7 @@ void tss_plant_on_route(
 
 /* Proximal tension from which on a slow motion reaches the load; docs/model.md (122). */
 double tss_answering(
-    int64_t k, const double plant[16 * (k + 1) + 431], const double memory[9 * (k + 1) + 7],
+    int64_t k, const double plant[17 * (k + 1) + 430], const double memory[9 * (k + 1) + 7],
     double tension_out, int64_t way) {
     bar_laws laws = laws_of(k, plant);
     bar_memory kept = memory_of(k, (double *)memory);
@@ -108,7 +108,7 @@ static double used_share(const bar_laws *laws, const bar_memory *memory, int64_t
 }
 
 void tss_transmit_with_effects(
-    int64_t k, const double edge[k], const double plant[16 * (k + 1) + 431],
+    int64_t k, const double edge[k], const double plant[17 * (k + 1) + 430],
     const double memory[9 * (k + 1) + 7], int64_t p, const double length[p], const double angle[p],
     const double covariance[2 * p][2 * p], int64_t way, int64_t front, double ends[5], double gradient[3][p],
     double work[4][k]) {
@@ -119,7 +119,7 @@ void tss_transmit_with_effects(
     set_step_factor(&laws, &kept, kept.held[HELD.time]);
     const double *by_curvature = table_of(laws.tables, CURVE.curvature);
     const double *by_arc = table_of(laws.tables, CURVE.arc);
-    const double *number = plant + 16 * (k + 1), *tension = kept.tension;
+    const double *number = plant + LAW_ROWS * (k + 1), *tension = kept.tension;
     double friction = number[PLANT.friction], asymmetry = number[PLANT.asymmetry];
     double *by_length = gradient[0], *by_angle = gradient[1], *pressed = gradient[2];
     double whole = total(p, length), used = 0.0, slope = 0.0, rest = exp(-laws.pretension / laws.saved_scale);

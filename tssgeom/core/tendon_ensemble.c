@@ -8,11 +8,11 @@
 void set_plant(
     int64_t k, int64_t d, const double *middle, const double *slope, int64_t width, const double shift[],
     double *own) {
-    int64_t b = k + 1, rows = 16 * b + PLANT.curved;
+    int64_t b = k + 1, rows = LAW_ROWS * b + PLANT.curved;
     memcpy(own, middle, plant_bytes(k));
     for (int64_t a = 0; a < d; a++)
         for (int64_t i = 0; i < rows; i++) own[i] += slope[a * width + i] * shift[a];
-    own[16 * b + PLANT.swift] = 0.0; /* a reading moves contacts too */
+    own[LAW_ROWS * b + PLANT.swift] = 0.0; /* a reading moves contacts too */
 }
 
 void set_cones_of(int64_t k, double *own) {
@@ -34,19 +34,19 @@ static void read_sensors(const double ends[4], const double sensor[5], double re
 }
 
 int64_t tss_step_ensemble(
-    int64_t w, int64_t n, int64_t k, const double edge[k], int64_t d, const double plant[16 * (k + 1) + 431],
-    const double slope[d][16 * (k + 1) + 431], const double sensors[5], const double sensor_slope[d][5],
+    int64_t w, int64_t n, int64_t k, const double edge[k], int64_t d, const double plant[17 * (k + 1) + 430],
+    const double slope[d][17 * (k + 1) + 430], const double sensors[5], const double sensor_slope[d][5],
     const double shift[w][d], const double memory[w][9 * (k + 1) + 7], const int64_t row[n], int64_t p,
     const double length[p], const double angle[p], const double gain[w], int64_t m, const double bends[m][3],
     int64_t moved, int64_t by_force, int64_t was_by_force, const double position[w], const double drive[n],
     double span, double warmth, double after[n][9 * (k + 1) + 7], double ends[n][4], double read[n][3],
-    double own[16 * (k + 1) + 431], double pieces[6][p + 2 * m], double work[24][k + 1]) {
+    double own[17 * (k + 1) + 430], double pieces[6][p + 2 * m], double work[24][k + 1]) {
     if (k < 2 || p == 0) return 0;
     for (int64_t j = 0; j < n; j++) {
         int64_t of = row[j];
         if (of < 0 || of >= w) return j;
         double recorded[6], sensor[5];
-        set_plant(k, d, plant, slope[0], 16 * (k + 1) + 431, shift[of], own);
+        set_plant(k, d, plant, slope[0], 17 * (k + 1) + 430, shift[of], own);
         memcpy(after[j], memory[of], memory_bytes(k));
         if (moved) {
             for (int64_t i = 0; i < p; i++) pieces[5][i] = angle[i] * gain[of];

@@ -65,7 +65,7 @@ static int try_tendon(const sample *it, int64_t i, const double z[], end_forces 
         end += it->distal[i * it->m + j] * z[j];
     }
     memcpy(block, before, memory_bytes(k));
-    bar_laws laws = laws_of(k, it->plant + i * (16 * (k + 1) + 431));
+    bar_laws laws = laws_of(k, it->plant + i * (17 * (k + 1) + 430));
     bar_memory memory = memory_of(k, block);
     step_room room = room_of(k, it->work);
     begin_room(&laws, &room);
@@ -203,7 +203,7 @@ static int solve_at_speeds(const sample *it, double z[]) {
 static void guess_speeds(const sample *it, const double z[]) {
     int64_t k = it->k, b = k + 1;
     for (int64_t i = 0; i < it->n; i++) {
-        bar_laws laws = laws_of(k, it->plant + i * (16 * b + 431));
+        bar_laws laws = laws_of(k, it->plant + i * (17 * b + 430));
         bar_memory before = memory_of(k, (double *)it->before + i * (9 * b + 7));
         double drive = it->drive[i], engaged = before.held[HELD.engaged];
         for (int64_t a = 0; a < it->m; a++) drive += it->proximal[i * it->m + a] * z[a];
@@ -242,7 +242,7 @@ void read_ends(const sample *it, const double z[], double ends[]) {
         for (int64_t a = 0; a < m; a++)
             moved += it->distal[i * m + a] * z[a], pulled += it->proximal[i * m + a] * z[a];
         if (it->by_force) {
-            bar_laws laws = laws_of(k, it->plant + i * (16 * (k + 1) + 431));
+            bar_laws laws = laws_of(k, it->plant + i * (17 * (k + 1) + 430));
             pulled = kept.displacement[0] + stretch_of(&laws, 0, kept.tension[0], &unused) - laws.rest[0]
                      - kept.rest[0];
         }
@@ -251,7 +251,7 @@ void read_ends(const sample *it, const double z[], double ends[]) {
 }
 
 int64_t tss_march_machine(
-    int64_t n, int64_t k, const double plant[n][16 * (k + 1) + 431], const double memory[n][9 * (k + 1) + 7],
+    int64_t n, int64_t k, const double plant[n][17 * (k + 1) + 430], const double memory[n][9 * (k + 1) + 7],
     int64_t m, const double proximal[n][m], const double distal[n][m], const double stiffness[m],
     const double gravity[m][2], const double friction[m], const double at_rest[m], const double start[m],
     int64_t by_force, int64_t s,
@@ -286,15 +286,15 @@ int64_t tss_march_machine(
 }
 
 int64_t tss_step_machines(
-    int64_t w, int64_t c, int64_t n, int64_t k, int64_t d, const double plant[n][16 * (k + 1) + 431],
-    const double slope[d][n * (16 * (k + 1) + 431)], const double shift[c][d],
+    int64_t w, int64_t c, int64_t n, int64_t k, int64_t d, const double plant[n][17 * (k + 1) + 430],
+    const double slope[d][n * (17 * (k + 1) + 430)], const double shift[c][d],
     const double memory[w][n * (9 * (k + 1) + 7)], const int64_t row[c], int64_t m, const double proximal[c][n * m],
     const double distal[c][n * m], const double stiffness[c][m], const double gravity[c][2 * m],
     const double friction[c], const double at_rest[c][m], const double start[c][m], int64_t by_force,
     const double drive[c][n], const double end[c][n], const double load[c][m], double span, double warmth,
     double after[c][n * (9 * (k + 1) + 7)], double coordinate[c][m], double ends[c][4 * n],
-    double own[n][16 * (k + 1) + 431], double work[21 + n][k + 1]) {
-    int64_t size = 16 * (k + 1) + 431;
+    double own[n][17 * (k + 1) + 430], double work[21 + n][k + 1]) {
+    int64_t size = 17 * (k + 1) + 430;
     if (k < 2 || n < 1 || m > MOST || !isfinite(span + warmth)) return 0;
     for (int64_t j = 0; j < c; j++) {
         double sum = 0.0;

@@ -192,7 +192,7 @@ int take_sample(
 }
 
 int64_t tss_march(
-    int64_t k, const double plant[16 * (k + 1) + 431], const double memory[9 * (k + 1) + 7], int64_t by_force,
+    int64_t k, const double plant[17 * (k + 1) + 430], const double memory[9 * (k + 1) + 7], int64_t by_force,
     int64_t s, const double spans[s], const double drive[s], const double warmth[s], const int64_t parts[s],
     int64_t rows, double after[9 * (k + 1) + 7], double out[6][s], double profile[rows][k + 1],
     double work[20][k + 1]) {
@@ -234,13 +234,13 @@ static int64_t slid_from_drive(const bar_laws *laws, const bar_memory *memory, i
 }
 
 int64_t tss_step_with_effects(
-    int64_t k, const double edge[k], const double plant[16 * (k + 1) + 431],
+    int64_t k, const double edge[k], const double plant[17 * (k + 1) + 430],
     const double memory[9 * (k + 1) + 7], int64_t p, const double before_length[p],
     const double before_angle[p], const double before_covariance[2 * p][2 * p], int64_t q,
     const double now_length[q], const double now_angle[q], const double now_covariance[2 * q][2 * q],
     int64_t m, const double bends[m][3], int64_t compare, double friction, double most_friction, double drive,
     int64_t by_force, int64_t was_by_force, double position, int64_t front, double span, double warmth,
-    double after[9 * (k + 1) + 7], double plant_after[16 * (k + 1) + 431], double ends[10],
+    double after[9 * (k + 1) + 7], double plant_after[17 * (k + 1) + 430], double ends[10],
     double pieces[5][q + 2 * m], double work[24][k + 1]) {
     memcpy(after, memory, memory_bytes(k));
     memcpy(plant_after, plant, plant_bytes(k));
@@ -254,7 +254,7 @@ int64_t tss_step_with_effects(
     if (ends[9] > most_friction) return 0;
     if (moves) {
         put_on_route(k, edge, plant_after, q, now_length, now_angle, m, bends, pieces[0], work[20]);
-        plant_after[16 * (k + 1) + PLANT.swift] = 0.0;
+        plant_after[LAW_ROWS * (k + 1) + PLANT.swift] = 0.0;
     }
     bar_laws laws = laws_of(k, plant_after);
     bar_memory kept = memory_of(k, after);

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import replace
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 from tssgeom.effects.kinds import Effect, Hook, Parameter, Setup, Tie
 
@@ -193,18 +193,26 @@ class Presliding(Effect, frozen=True):
     """Contacts give way like springs before they slide; docs/model.md (279).
 
     Asperities and liners shear before they let go: a tendon that turns back moves at once, and its friction
-    follows over a fraction of a millimetre. Source: L. Prandtl, Ein Gedankenmodell zur kinetischen Theorie
-    der festen Körper, Z. Angew. Math. Mech. 8 (1928); P. R. Dahl, Solid friction damping of mechanical
-    vibrations, AIAA J. 14 (1976).
+    follows over a fraction of a millimetre. By Prandtl's law all contacts slide after the same movement; by
+    Dahl's one after the other, so that friction follows as 1 − exp(−x/distance).
+
+    Source: L. Prandtl, Ein Gedankenmodell zur kinetischen Theorie der festen Körper, Z. Angew. Math. Mech. 8
+    (1928); P. R. Dahl, Solid friction damping of mechanical vibrations, AIAA J. 14 (1976).
     """
 
     distance_m: float
-    """Movement from no friction to sliding, at the reference tension [m]."""
+    """Movement from no friction to sliding, at the reference tension; by Dahl's law to 63 % of it [m]."""
     reference_N: float = 10.0
     """That tension; at others the movement is proportional to it [N]."""
+    law: Literal["prandtl", "dahl"] = "prandtl"
+    """How friction builds up: in a straight line, or by 1 − exp(−x)."""
 
     hook: ClassVar[Hook] = "friction cone"
-    sets: ClassVar[dict[str, str]] = {"presliding_m": "distance_m", "presliding_reference_N": "reference_N"}
+    sets: ClassVar[dict[str, str]] = {
+        "presliding_m": "distance_m",
+        "presliding_reference_N": "reference_N",
+        "presliding_law": "law",
+    }
     parameters: ClassVar[dict[str, Parameter]] = {
         "distance_m": Parameter("m", 0.0, 5e-3, 5e-5, 1e-4),
         "reference_N": Parameter("N", 0.1, 1000.0, 10.0, 10.0, centre=10.0, switch=False, fitted=False),

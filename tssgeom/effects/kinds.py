@@ -125,6 +125,7 @@ class Setup:
     fitting_out_exponent: float = 0.0
     presliding_m: float = 0.0
     presliding_reference_N: float = 10.0
+    presliding_law: str = "prandtl"
 
     # route
     bends: tuple[Bend, ...] = ()

@@ -259,12 +259,12 @@ def _formula_starts(problem: Problem, now: LawFit, formulas: Sequence[Variant]) 
     """Return the formulae that promise most by straight lines, each in its best variant."""
     tests = sorted(screening(problem, as_fit(now), formulas).tests, key=lambda test: -test.gain)
     length = max(reading.route.arcs.total_length for reading in problem.stack.readings)
-    out, named = list[_Start](), set[str]()
+    out, named = list[_Start](), set[tuple[str, str]]()
     for test in tests:
-        name = test.variant.name
-        if name in named or len(named) >= LAW_SEARCH.fitted:
+        name, key = test.variant.name, (test.variant.name, test.variant.law)
+        if key in named or len(named) >= LAW_SEARCH.fitted:
             continue
-        named.add(name)
+        named.add(key)
         typical = abs(test.variant.effect.parameters[test.variant.amplitude].typical)
         amplitude = min(max(test.amplitude, -3.0 * typical), 3.0 * typical) or 0.1 * typical
         effect = test.variant.sized(amplitude)

@@ -119,7 +119,10 @@ class Part:
         return with_values(rig, {each.key: each.prior.centre for each in made}), tuple(made)
 
 
-_ENDS = ("slack_take_up",)
+_VARIANTS = {
+    "slack_take_up": ({"end": "proximal"}, {"end": "distal"}),
+    "presliding": ({"law": "prandtl"}, {"law": "dahl"}),
+}
 _NOT_HERE = (  # observation is by channel here; the pretension is a number of the rig
     "tension_in_gain",
     "tension_out_gain",
@@ -172,11 +175,8 @@ def _of_library(rig: Rig, free: Sequence[str], runs: Sequence[MachineRun]) -> It
             continue
         if name == "hidden_bend" and {"route.angle_rad", "route.angle_gain"} & set(free):
             continue  # the angle that the fit has is the bend
-        ends = ("proximal", "distal") if name in _ENDS else ("",)
-        for end in ends:
-            effect = with_size(kind)
-            if end:
-                effect = msgspec.structs.replace(effect, end=end)
+        for choice in _VARIANTS.get(name, ({},)):
+            effect = msgspec.structs.replace(with_size(kind), **choice)
             numbers = tuple(_library_numbers(effect))
             if any(each.switch for each in numbers):
                 yield Part(name, effect, numbers)

@@ -135,14 +135,14 @@ class HeldOut:
                 self.simulated[at] = None
         return self.simulated[at]
 
-    def _chi2(self, at: Point) -> float:
+    def chi2(self, at: Point) -> float:
         """Return the whitened squares that a model leaves, outliers by Huber's loss; infinite as `misfit`."""
         left = self._left(at)
         return math.inf if left is None else _huber(self.problem.whitening.whitened(left))
 
     def explained(self, at: Point) -> bool:
         """Whether χ² is that of chance, or what a model leaves is not clearly beyond the detection limits."""
-        beyond = self._chi2(at) / self.problem.stack.size - 1.0
+        beyond = self.chi2(at) / self.problem.stack.size - 1.0
         return (
             beyond < CHANCE.clear * math.sqrt(2.0 / self.problem.stack.size)
             or self.leftover(at) < CHANCE.clear

@@ -63,6 +63,11 @@ class Variant:
         """Whether its amplitude cannot be negative."""
         return self.effect.parameters[self.amplitude].lower == 0.0
 
+    @property
+    def law(self) -> str:
+        """One of several laws of the effect; empty where it has one."""
+        return getattr(self.effect, "law", "")
+
     def sized(self, amplitude: float) -> Library:
         """Return the effect at another amplitude, within its bounds."""
         parameter = self.effect.parameters[self.amplitude]
@@ -107,6 +112,8 @@ def _started(name: str, effect: Library, stack: Stack, channels: set[str]) -> It
     elif name == "channel_lag":
         answers = [channel for channel in channels if channel != stack.readings[0].drive]
         yield from (changed(effect, channel=channel) for channel in sorted(answers))
+    elif name == "presliding":
+        yield from (changed(effect, law=law) for law in ("prandtl", "dahl"))
     elif name == "slack_take_up":
         for end in ("proximal", "distal"):
             yield from (changed(effect, scale_N=scale, end=end) for scale in _SCALES["scale_N"])

@@ -123,10 +123,10 @@ def step(
 
 
 def _best_tests(score: Screening) -> list[ScoreTest]:
-    """Return the variant of each effect that promises most; of an end fitting both laws."""
-    best: dict[tuple[str, str], ScoreTest] = {}
+    """Return the variant of each effect that promises most; of an end fitting and of presliding both laws."""
+    best: dict[tuple[str, str, str], ScoreTest] = {}
     for test in score.tests:
-        key = (test.variant.name, test.variant.amplitude)
+        key = (test.variant.name, test.variant.amplitude, test.variant.law)
         if key not in best or test.gain > best[key].gain:
             best[key] = test
     return sorted(best.values(), key=lambda test: -test.gain)

@@ -93,7 +93,7 @@ def _discovered(
         if other is not None and again is not None:
             if not _explains(again) or _wants_laws(again):
                 again = _with_laws(campaign, other.runs, again, report)
-            if _explains(again) and (not _is_named(work) or _needs_nothing(again) or _blames_position(again)):
+            if _explains(again) and (not _is_named(work) or _needs_nothing(again) or _position_errs(again)):
                 started, work = other, again
     report("mapping where they disagree", 0.8)
     attribution = _attribution(started.runs, campaign, started.base)
@@ -118,7 +118,7 @@ def _needs_nothing(work: Work) -> bool:
     return explained(work.base.chi2, work.problem.stack.size)
 
 
-def _blames_position(work: Work) -> bool:
+def _position_errs(work: Work) -> bool:
     """Whether a law says what the position of the drive reads wrong."""
     terms = () if work.laws is None else work.laws.fit.terms
     return any(one.mechanism.name == "sensor_drift:displacement_in_m" for one in terms)
@@ -128,10 +128,10 @@ def _wants_laws(work: Work) -> bool:
     """Whether laws are to be tried: nothing is named, or too little by what was; docs/model.md (320)."""
     if work.judged.verdict == "unknown" or _leaves_something(work):
         return True
-    return _is_doubtful(work)
+    return _may_be_wrong(work)
 
 
-def _is_doubtful(work: Work) -> bool:
+def _may_be_wrong(work: Work) -> bool:
     """Whether a law without a formula promises more than the names, or a number of them is at its bound."""
     names = work.chosen.fit.at
     return at_bound(names) or law_promises_more(work.problem, work.base, names)
@@ -166,7 +166,7 @@ def _by_tension(
     if (
         runs[0].drive == "tension_in_N"
         or explained(started.base.chi2, rows)
-        or (_is_named(work) and explained(work.chi2, rows) and not _blames_position(work))
+        or (_is_named(work) and explained(work.chi2, rows) and not _position_errs(work))
     ):
         return None
     if any("tension_in_N" not in run.measured or len(run.measured) < 2 for run in runs):
@@ -218,15 +218,14 @@ def _with_laws(
 def _better(work: Work, laws: LawFit) -> bool:
     """Whether laws leave less than the names that were chosen, clearly so on held-out runs.
 
-    Where the names are doubtful, all runs decide; docs/model.md (320).
+    Where the names may be wrong, all runs decide; docs/model.md (320).
     """
-    names = work.chosen.fit
-    if _is_doubtful(work):
+    names, held = work.chosen.fit, work.held
+    fall = 0.0 if held is None else held.chi2(names.at) - held.chi2(laws.point)
+    if _may_be_wrong(work):
         named = fitted(work.problem, names.at, ())
-        rise = 0.0 if work.held is None else work.held.rise(names.at, laws.point)
-        return named is None or 2.0 * (laws.log_evidence - named.log_evidence) - rise > needed(laws)
-    clearly = work.held is not None and -work.held.rise(names.at, laws.point) > needed(laws)
-    return clearly and laws.chi2 < names.chi2
+        return named is None or 2.0 * (laws.log_evidence - named.log_evidence) + fall > needed(laws)
+    return fall > needed(laws) and laws.chi2 < names.chi2
 
 
 _LAWS_AT = 0.6  # share of the work done then; chosen

@@ -51,7 +51,7 @@ def on_route(old, route, rig_numbers, length_before, drive):
         wear_travel=1.0,
         speed_gain=0.0,
         speed_reference=1.0,
-        presliding=0.0,
+        presliding=none[1:],
         presliding_reference=1.0,
         backlash=0.0,
         pretension=pretension,

@@ -40,7 +40,7 @@ class Plant(NamedTuple):
     wear_travel: float  # m
     speed_gain: float
     speed_reference: float  # m/s
-    presliding: float  # m
+    presliding: np.ndarray  # m, of each contact
     presliding_reference: float  # N
     backlash: float  # m
     pretension: float  # N
@@ -187,7 +187,7 @@ def _cone(plant, exponents, about, moved, span, low, high, force, drag):
 
 def _bristles(plant, tension):
     """Return the stiffness of contacts that give way before they slide, and their friction; (279)."""
-    if plant.presliding == 0.0:
+    if not np.any(plant.presliding):
         return np.full(plant.force.size, np.inf), np.zeros(plant.force.size)
     exponent = 0.5 * (plant.pulling + plant.releasing) + plant.fitting
     limit = exponent * plant.presliding_reference + plant.force

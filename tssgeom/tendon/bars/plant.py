@@ -4,6 +4,7 @@ Bars 1 … n lie in the sheath, bar 0 between drive and sheath, bar n + 1 betwee
 Contacts 0 … n stand between neighbours. Source: docs/model.md (50)-(60).
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +20,8 @@ from tssgeom.tendon.bars.contact_grid import bends_of, discretise, with_bends
 
 _TABLES = TABLE.size * len(CURVE)  # numbers at the end of a plant
 _AFTER = len(PLANT) + _TABLES
+_GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)  # derived: any few neighbours have shares that are spread evenly
+_PASSES = 30  # of Newton; derived: from the bend it takes a pass for each 1, and no quantile is above 20
 _LEAST = 1e-9  # slack that is taken up leaves this much give, lest its law become a wall [m/N]
 
 
@@ -185,6 +188,8 @@ def plant(setup: Setup, arcs: Arcs, edge: Vector) -> Plant:
         rows[row, 1:-1], rows[row, 0], rows[row, -1] = values, in_front, behind
     rows[LAW.force, :-1] = setup.straight_friction_N_per_m * grid.span  # docs/model.md (54)
     rows[LAW.drag, :-1] = setup.drag_Ns_per_m2 * grid.span
+    if setup.presliding_m:
+        rows[LAW.presliding, :-1] = setup.presliding_m * breakaways(bars - 1, setup.presliding_law)
     for row, at_drive, at_load in (
         (LAW.force, setup.fitting_in_N, setup.fitting_out_N),
         (LAW.fitting, setup.fitting_in_exponent, setup.fitting_out_exponent),
@@ -194,6 +199,20 @@ def plant(setup: Setup, arcs: Arcs, edge: Vector) -> Plant:
     result = Plant(core.plant_on_route(edge, block, arcs.length, arcs.angle, bends_of(setup)))
     result.rows[LAW.rest] = result.stretch(float(setup.pretension))
     return result
+
+
+def breakaways(count: int, law: str) -> Vector:
+    """Return how far each contact gives before it slides, over `distance_m` [count] [1]; docs/model.md (323).
+
+    By Dahl's law neighbours differ: each has another quantile of x e^−x, in the order of the golden ratio.
+    """
+    if law == "prandtl":
+        return np.ones(count)
+    share = (np.arange(count) + 0.5) * _GOLDEN % 1.0
+    x = np.full(count, 1.0)
+    for _ in range(_PASSES):  # 1 − (1 + x) e^−x = share, from its bend
+        x += (share - 1.0 + (1.0 + x) * np.exp(-x)) / (x * np.exp(-x))
+    return x
 
 
 def _tables(setup: Setup, tables: Matrix) -> set[int]:
@@ -241,7 +260,6 @@ def _numbers(setup: Setup) -> list[float]:
         "curvature_gain": setup.curvature_gain_m,
         "creep_time_2": times[0],
         "creep_time_3": times[1],
-        "presliding": setup.presliding_m,
         "presliding_reference": setup.presliding_reference_N,
         "curved": bool(curved),
         "by_rate": by_rate,
