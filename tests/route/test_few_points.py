@@ -60,3 +60,12 @@ def test_thirty_points_on_an_arc_are_one_piece():
         arcs = measure(clean(_uneven(course, 30, seed)[0]), NOISE).arcs
         off.append((arcs.total_angle - np.pi) / np.pi)
     assert np.sqrt(np.mean(np.square(off))) < 1.3 * 0.0018  # the bound is 0.18 %
+
+
+def test_points_that_no_smooth_curve_follows_are_fitted_or_refused():
+    """A curve by chords that ignored all but two of them had ended a whole recording with a ValueError."""
+    x = [-0.027, 21.19, 79.563, 158.683, 235.256, 285.997, 277.901, 279.212, 194.617]
+    y = [0.012, -0.003, -0.045, -0.086, 0.0, 0.042, -0.032, -0.087, 0.048]
+    z = [-0.055, 78.501, 134.854, 152.714, 125.953, 62.721, -56.246, -53.338, -137.614]
+    fit = measure(clean(1e-3 * np.column_stack((x, y, z))))
+    assert np.isfinite(fit.arcs.total_angle_se)

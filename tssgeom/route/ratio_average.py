@@ -17,7 +17,7 @@ from tssgeom.core.constants_route import PASSES, PRIOR, SEARCH
 from tssgeom.errors import FitError
 from tssgeom.route.bounds import Polygon, polygon_of
 from tssgeom.route.model_choice import added_variance, model_probabilities
-from tssgeom.route.observations import NOISE_PRIOR, Shape, are_few, noise_price, on_chords
+from tssgeom.route.observations import MIN_POINTS, NOISE_PRIOR, Shape, are_few, noise_price, on_chords
 from tssgeom.route.pieces import smooth_geometry
 from tssgeom.route.route import step_lengths
 from tssgeom.route.spline.fit import fit
@@ -130,6 +130,8 @@ def _by_chords(shape: Shape, noise: float | None) -> list[_Candidate]:
     """Fits on the stations of arcs over the chords; a chord to an outlier is none of the route."""
     sensed = on_chords(shape)
     spline = fit(sensed, noise)
+    if np.count_nonzero(spline.route.weight) < MIN_POINTS:
+        return []
     if spline.route.weight.min() <= 0.0:
         sensed = on_chords(shape, spline.route.weight)
         spline = fit(sensed, noise)
