@@ -110,7 +110,7 @@ def fit_frame(
         now = filtered(last.filtered, frame.points, last.fit.noise, frame.time)
     noise = stated if now is None else noise_left(now, stated)
     turn = _direction_noise(rig, last)
-    shape = sensed_points(frame if now is None else replace(frame, points=now.points), rig, turn)
+    shape = sensed_points(frame if now is None else _with_points_of(now, frame), rig, turn)
     if now is not None and now.warnings:
         shape = replace(shape, warnings=shape.warnings + now.warnings)
     last = None if last is None or (last.fit.chain or last.fit.spline) is None else last
@@ -203,11 +203,20 @@ def _fit_ends(ends: TipReadings) -> tuple[Shape, TrackedFit]:
     return Shape(points, index, None, ()), TrackedFit(fit_tip(ends), index)
 
 
+def _with_points_of(now: PointFilter, frame: Frame) -> Frame:
+    """Return a frame with filtered points, and its directions in their order."""
+    return replace(frame if now.order is None else with_rows(frame, now.order), points=now.points)
+
+
 def in_order(frame: Frame, first: Vector | None) -> Frame:
     """Put the points of a frame in the order of the shortest path; `first` was its first point [3] [m]."""
-    path = along_the_shortest_path(frame.points, frame.directions, first)
-    directions = None if frame.directions is None else read_only(frame.directions[path])
-    return replace(frame, points=read_only(frame.points[path]), directions=directions)
+    return with_rows(frame, along_the_shortest_path(frame.points, frame.directions, first))
+
+
+def with_rows(frame: Frame, rows: np.ndarray) -> Frame:
+    """Return a frame with these rows of its points and directions."""
+    directions = None if frame.directions is None else read_only(frame.directions[rows])
+    return replace(frame, points=read_only(frame.points[rows]), directions=directions)
 
 
 def _noise_that_counts(frame: Frame, rig: Rig, last: TrackedFit | None) -> float | None:

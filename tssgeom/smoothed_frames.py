@@ -11,7 +11,7 @@ import numpy as np
 
 from tssgeom.arrays import Points
 from tssgeom.errors import TssgeomError
-from tssgeom.frame import Frame, fit_frame, in_order
+from tssgeom.frame import Frame, fit_frame, in_order, with_rows
 from tssgeom.rig import Rig
 from tssgeom.route.fibre.models import stretches
 from tssgeom.route.observations import MIN_POINTS
@@ -80,6 +80,13 @@ def along_the_route(frames: Iterable[_T], rig: Rig) -> Iterator[_T | Frame]:
         yield ordered
 
 
+def _in_order(frame: _T | Frame, now: PointFilter | None) -> _T | Frame:
+    """Return a frame with its points in the order of the others, where some were exchanged."""
+    if not isinstance(frame, Frame) or now is None or now.order is None:
+        return frame
+    return with_rows(frame, now.order)
+
+
 def smoothed_in_windows(frames: Iterable[_T], rig: Rig) -> Iterator[tuple[_T | Frame, PointFilter | None]]:
     """Yield frames with the filters of their points, where these go on."""
     rest = along_the_route(frames, rig)
@@ -92,4 +99,6 @@ def smoothed_in_windows(frames: Iterable[_T], rig: Rig) -> Iterator[tuple[_T | F
         known = smoothed_in_time((*before, *block, *after[: _WINDOW.overlap]), rig)
         for i, frame in enumerate(block, len(before)):
             yield frame, known.get(i)
-        before, block = block[-_WINDOW.overlap :], after
+        latest = list(enumerate((*before, *block)))[-_WINDOW.overlap :]
+        before = [_in_order(frame, known.get(i)) for i, frame in latest]
+        block = after

@@ -114,7 +114,7 @@ def test_points_that_are_exchanged_are_put_back_and_named():
     sensed[[11, 12]] = sensed[[12, 11]]
     after = filtered(state, sensed, NOISE, 0.30)
     assert after is not None
-    assert after.warnings == ("points 11 and 12 are exchanged since the last frame: put back",)
+    assert after.warnings == ("points 11 and 12 are exchanged in this frame: put back",)
     assert np.linalg.norm(after.points[11] - true[11]) < 5 * NOISE
 
 

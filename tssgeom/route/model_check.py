@@ -125,8 +125,10 @@ class TrackedFit:
         return self.noise_of_time or PASSES.warm_noise * self.fit.noise**2 < self.filtered.noise**2
 
     def is_outdated(self, now: PointFilter) -> bool:
-        """Whether the filter leaves so little noise of few points that a fit from nothing shows more."""
-        return are_few(self.fit.weight) and PASSES.warm_noise * now.noise**2 < self.first_left**2
+        """Whether a fit from nothing shows more: points were exchanged, or few have so little noise left."""
+        return now.reordered or (
+            are_few(self.fit.weight) and PASSES.warm_noise * now.noise**2 < self.first_left**2
+        )
 
     @classmethod
     def of(cls, fit: RouteFit, index: Vector) -> TrackedFit:

@@ -17,8 +17,9 @@ import numpy as np
 from tssgeom import core
 from tssgeom.arrays import Matrix, Points, Vector, read_only
 from tssgeom.core.constants import CHANCE, ROUNDING
-from tssgeom.core.constants_route import OUTLIERS
+from tssgeom.core.constants_route import OUTLIERS, POINTS
 from tssgeom.route.directions import NOISE_PRIOR, listed
+from tssgeom.route.exchanges import is_shorter, named, order_of
 from tssgeom.route.observations import MIN_POINTS
 from tssgeom.statistics import EVEN, EVIDENCE_SCALE
 
@@ -37,13 +38,11 @@ class FilterLimits:
     constant_share: float = 0.2
     """Least share of a stated variance that counts as constant in time [1]. Chosen: what changes is known to
     some 10 % after a few frames."""
-    exchanged: float = 0.1
-    """Squared distances of two points that are exchanged over those as they came [1]. Chosen."""
 
 
 FILTER = FilterLimits()
 _FAR = CHANCE.never**2  # squared, over noise², the median of all and neighbours: when all move, none leapt
-_EXCHANGE = 2  # points
+_FEWEST = 2  # points that may leap alone, of however few; chosen
 _MOTIONS = 7  # of core/time_filter.c
 _CALM = 4  # of them, those that average over frames
 
@@ -74,8 +73,8 @@ class PointFilter(NamedTuple):
     """Standard deviation of a coordinate as sensed, by differences in time [m]."""
     standing: float
     """Probability that the route stands [1]."""
-    warnings: tuple[str, ...]
-    """Points that leapt alone or are exchanged in this frame."""
+    remarks: tuple[str, ...]
+    """Points that leapt alone in this frame, or were exchanged before it, a sentence each."""
     memory: np.ndarray
     """Positions and velocities for each motion, last two frames as sensed, [16, n, 3] [m, m per step]."""
     probability: Vector
@@ -94,6 +93,18 @@ class PointFilter(NamedTuple):
     """Coordinates that are sensed: 3 of a point, 2 of the curvature of a fibre."""
     turning: Turning | None = None
     """Of a fibre, the component of its curvatures that Φ depends on."""
+    order: np.ndarray | None = None
+    """Row of each point as it came, where points of this frame are exchanged [n]."""
+    reordered: bool = False
+    """Whether it was those of the frames before that were exchanged, as the fit of the last one."""
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What to know of the points of this frame, a sentence each."""
+        if self.order is None:
+            return self.remarks
+        put_back = (f"{name} are exchanged in this frame: put back" for name in named(self.order))
+        return (*put_back, *self.remarks)
 
     @property
     def stands(self) -> bool | None:
@@ -159,12 +170,17 @@ def filtered(before: PointFilter, points: Points, noise: float, time: float) -> 
     if step > 1.0 / FILTER.least_step:
         return None
     step = max(step, FILTER.least_step)
-    last = before.memory[2 * _MOTIONS]
-    if points[0, 0] == last[0, 0] and np.array_equal(points, last):  # sent again: it has no new information
-        return before._replace(time=time, warnings=())
+    if _is_sent_again(before, points):  # it has no new information
+        return before._replace(time=time, remarks=(), reordered=False)
     most = FILTER.most_over_spatial * (noise * before.sensed_noise / before.noise) ** 2
-    before = before._replace(time=time, interval=interval, warnings=())
+    before = before._replace(time=time, interval=interval, remarks=(), order=None, reordered=False)
     after, distance = _advanced(before, points, step, most)
+    if distance.max() <= _FAR:
+        return _turned(before, after, points, step, most) if math.isfinite(after.noise) else None
+    ordered = _in_order(before, points, step, distance)
+    if ordered is not None:
+        before, points = ordered
+        after, distance = _advanced(before, points, step, most)
     back = np.flatnonzero((before.outlying >= FILTER.patience) & (distance > _FAR))
     if len(back):
         before = _begun_anew(before, points, back)
@@ -173,14 +189,10 @@ def filtered(before: PointFilter, points: Points, noise: float, time: float) -> 
         return None
     leapt = _leapt(distance)
     calm = before.probability[:_CALM].sum() > 0.5  # else nothing is known of where a point should be
-    if not (calm and 0 < len(leapt) <= max(_EXCHANGE, OUTLIERS.share * len(points))):  # else the route moved
+    if not (calm and 0 < len(leapt) <= max(_FEWEST, OUTLIERS.share * len(points))):  # else the route moved
         return _turned(before, after, points, step, most)
-    expected = np.tensordot(before.probability, _positions(before) + step * _velocities(before), 1)
-    swapped = leapt[:0]
-    if before.coordinates == 3:
-        points, swapped = _put_back(points, expected, leapt)
-    leapt = _alone(np.setdiff1d(leapt, swapped), distance, after.outlying)
-    if not (len(swapped) or len(leapt)):
+    leapt = _alone(leapt, distance, after.outlying)
+    if not len(leapt):
         return _turned(before, after, points, step, most)
     points = np.array(points)
     points[leapt] = np.nan
@@ -189,8 +201,8 @@ def filtered(before: PointFilter, points: Points, noise: float, time: float) -> 
     estimate[leapt] = np.tensordot(after.probability, _positions(after)[:, leapt], 1)
     outlying = np.array(after.outlying)
     outlying[leapt] = before.outlying[leapt] + 1.0
-    warnings = _warnings(swapped, leapt, before.coordinates)
-    after = after._replace(points=estimate, outlying=outlying, warnings=warnings)
+    remarks = (*before.remarks, _leapt_warning(leapt, before.coordinates))
+    after = after._replace(points=estimate, outlying=outlying, remarks=remarks)
     return _turned(before, after, points, step, most)
 
 
@@ -242,6 +254,11 @@ def _advanced(
     return after, distance
 
 
+def points_used(of: PointFilter) -> Points:
+    """Points of the frame in their order; NaN where one is missing or left out [n, 3] [m]."""
+    return of.memory[2 * _MOTIONS]
+
+
 def as_points(sensed: Matrix) -> Points:
     """Points [n, 3] as they are; curvature components [n, 2] with a column of zeros."""
     return sensed if sensed.shape[1] == 3 else np.column_stack((sensed, np.zeros(len(sensed))))
@@ -267,10 +284,15 @@ def _velocities(of: PointFilter) -> np.ndarray:
     return of.memory[_MOTIONS : 2 * _MOTIONS]
 
 
+def _is_sent_again(before: PointFilter, points: Points) -> bool:
+    """Whether the points of a frame [n, 3] are those of the last one."""
+    last, order = before.memory[2 * _MOTIONS], before.order
+    points = points if order is None else points[order]
+    return points[0, 0] == last[0, 0] and np.array_equal(points, last)
+
+
 def _leapt(distance: Vector) -> np.ndarray:
     """Points that are far from where they were expected while most are not."""
-    if distance.max() <= _FAR:
-        return np.empty(0, dtype=np.int64)
     return np.flatnonzero(distance > _FAR * max(1.0, core.median(distance)))
 
 
@@ -282,19 +304,27 @@ def _alone(leapt: np.ndarray, distance: Vector, missing: Vector) -> np.ndarray:
     return inside[distance[inside] > _FAR * nearest]
 
 
-def _put_back(points: Points, expected: Points, leapt: np.ndarray) -> tuple[Points, np.ndarray]:
-    """Put back points that are exchanged [n, 3] [m]; returns also which they were."""
-    between = np.linalg.norm(points[leapt, None] - expected[None, leapt], axis=2) ** 2
-    own = between.diagonal()
-    better = np.triu(between + between.T < FILTER.exchanged * (own[:, None] + own), 1)
-    swapped = list[int]()
-    for i, j in leapt[np.argwhere(better)].tolist():
-        if i not in swapped and j not in swapped:
-            swapped += [i, j]
-    if swapped:
-        points = np.array(points)
-        points[swapped] = points[np.array(swapped).reshape(-1, 2)[:, ::-1].ravel()]
-    return points, np.array(swapped, dtype=np.int64)
+def _in_order(
+    before: PointFilter, points: Points, step: float, distance: Vector
+) -> tuple[PointFilter, Points] | None:
+    """Put back points that are exchanged [n, 3] [m], or what is remembered of them; docs/model.md (323).
+
+    The order of the frames before is right, unless the path is clearly shorter in the new one. None where no
+    points are exchanged.
+    """
+    far = np.flatnonzero(distance > _FAR)
+    if before.coordinates < 3 or not 2 <= len(far) <= POINTS.few:
+        return None
+    expected = np.tensordot(before.probability, _positions(before) + step * _velocities(before), 1)
+    order = order_of(points, expected, distance, far)
+    if order is None:
+        return None
+    if not is_shorter(points, points[order]):
+        return before._replace(order=order), read_only(points[order])
+    since = tuple(f"{name} were exchanged until this frame, whose path is shorter" for name in named(order))
+    now = np.argsort(order)
+    known = before._replace(memory=np.take(before.memory, now, axis=1), outlying=before.outlying[now])
+    return known._replace(remarks=since, reordered=True), points
 
 
 def _begun_anew(before: PointFilter, points: Points, which: np.ndarray) -> PointFilter:
@@ -308,14 +338,8 @@ def _begun_anew(before: PointFilter, points: Points, which: np.ndarray) -> Point
     return before._replace(memory=memory, turning=turning)
 
 
-def _warnings(swapped: np.ndarray, leapt: np.ndarray, coordinates: int) -> tuple[str, ...]:
-    """Say which points are exchanged and which leapt alone, points or gratings."""
-    warnings = tuple(
-        f"points {i} and {j} are exchanged since the last frame: put back"
-        for i, j in zip(swapped[::2], swapped[1::2], strict=True)
-    )
-    if not len(leapt):
-        return warnings
+def _leapt_warning(leapt: np.ndarray, coordinates: int) -> str:
+    """Say which points or gratings leapt alone."""
     name = "point" if coordinates == 3 else "grating"
     several = f"{name}s {listed(leapt)} leapt" if len(leapt) > 1 else f"{name} {leapt[0]} leapt"
-    return (*warnings, f"{several} while the others did not: taken for where the last frames had it")
+    return f"{several} while the others did not: taken for where the last frames had it"

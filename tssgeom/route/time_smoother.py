@@ -9,9 +9,10 @@ from typing import TypeVar
 import numpy as np
 
 from tssgeom.arrays import Points, Vector
-from tssgeom.route.time_filter import PointFilter, as_points, begun, filtered
+from tssgeom.route.time_filter import PointFilter, begun, filtered, points_used
 
 _T = TypeVar("_T", float, np.ndarray)
+_PASSES = 3  # both ways, until all frames are in one order [1]; chosen: the second mostly changes none
 
 
 def smoothed(
@@ -28,12 +29,30 @@ def smoothed(
     cell
         Of curvatures [n, 2] [1/m], the length of the stretch that each grating stands for [n] [m].
     """
-    forward = _passed(points, times, noise, cell)
-    backward = _passed(points[::-1], [-time for time in times[::-1]], noise, cell)[::-1]
-    return [
-        first if first is None or second is None else _combined(first, second, as_points(sensed))
-        for first, second, sensed in zip(forward, backward, points, strict=True)
-    ]
+    sent, orders = list(points), [np.arange(len(each)) for each in points]
+    forward, backward = list[PointFilter | None](), list[PointFilter | None]()
+    for _ in range(_PASSES):
+        forward = _passed(sent, times, noise, cell)
+        _put_back(forward, sent, orders)
+        backward = _passed(sent[::-1], [-time for time in times[::-1]], noise, cell)[::-1]
+        if not _put_back(backward, sent, orders):  # else the frames before were in another order
+            break
+    results = list[PointFilter | None]()
+    for first, second, order in zip(forward, backward, orders, strict=True):
+        both = first if first is None or second is None else _combined(first, second)
+        is_put_back = both is not None and (order != np.arange(len(order))).any()
+        results.append(both._replace(order=order) if both is not None and is_put_back else both)
+    return results
+
+
+def _put_back(results: list[PointFilter | None], sent: list[Points], orders: list[np.ndarray]) -> bool:
+    """Put points that are exchanged back, in frames and their orders; returns whether there are any."""
+    changed = False
+    for i, one in enumerate(results):
+        if one is not None and one.order is not None:
+            sent[i], orders[i] = sent[i][one.order], orders[i][one.order]
+        changed |= one is not None and (one.order is not None or one.reordered)
+    return changed
 
 
 def _passed(
@@ -49,16 +68,17 @@ def _passed(
     return results
 
 
-def _combined(before: PointFilter, later_on: PointFilter, sensed: Points) -> PointFilter:
+def _combined(before: PointFilter, later_on: PointFilter) -> PointFilter:
     """Combine the estimate by this frame and those before it with that by this and those after it."""
+    sensed = np.where(np.isfinite(points_used(later_on)), points_used(before), np.nan)
     r = before.sensed_noise**2
     points, noise = _joined(before.points, before.noise, later_on.points, later_on.noise, sensed, r)
     points = np.where(np.isfinite(points), points, before.points)
     turning, later = before.turning, later_on.turning
     if turning is not None and later is not None:
+        along = np.where(np.isfinite(sensed), turning.direction, 0.0)
         own, after, now, reading = (
-            float(np.nansum(turning.direction * each))
-            for each in (before.points, later_on.points, points, sensed)
+            float(np.nansum(along * each)) for each in (before.points, later_on.points, points, sensed)
         )
         value, left = _joined(own, turning.noise, after, later.noise, reading, r)
         points = points + (value - now) * turning.direction
