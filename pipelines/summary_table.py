@@ -43,8 +43,8 @@ def print_summary(
     The first of the rejected inputs, each a source and a reason, are named below too. Of more than `most`
     inputs the first are listed: where a report has all of them.
 
-    A recording is reported by the range over its frames, or by the middle of a range that is less than a
-    standard error. The standard errors are those of one frame, at the last of the highest peaks of T_in.
+    A recording is reported by the range over its frames, or by the middle of a range that is less than the
+    greatest standard error of these; the standard errors have their range too.
     """
     rows = every[:most]
     more = every[len(rows) :]
@@ -108,7 +108,7 @@ def _title(settings: RunSettings) -> str:
 
 def _cells(row: dict[str, Any]) -> tuple[str, ...]:
     degrees = math.degrees(1.0)
-    angle = (row, "total_angle_rad", row["total_angle_se_rad"])
+    angle = (row, "total_angle_rad")
     times = f" × {row['frames'] - row['rejected']}" if row["timed"] else ""
     return (
         row["name"],
@@ -118,8 +118,8 @@ def _cells(row: dict[str, Any]) -> tuple[str, ...]:
         _with_error(*angle, 1.0, 3),
         str(row["pieces"]),
         _range(row, "tension_in_N", 1.0, 2),
-        _with_error(row, "tension_out_N", row["tension_out_se_N"], 1.0, 2),
-        _with_error(row, "elongation_m", row["elongation_se_m"], 1e3, 3),
+        _with_error(row, "tension_out_N", 1.0, 2),
+        _with_error(row, "elongation_m", 1e3, 3),
         str(len(row["warnings"]) or ""),
     )
 
@@ -129,11 +129,14 @@ def _clearance(row: dict[str, Any]) -> str:
     return "" if least is None else f"{1e3 * least:.1f}"
 
 
-def _with_error(row: dict[str, Any], key: str, error: float, factor: float, digits: int) -> str:
+def _with_error(row: dict[str, Any], key: str, factor: float, digits: int) -> str:
     from tssgeom.view.wording import decimals, plus_minus
 
-    displayed = decimals(factor * error, digits)
-    return f"{_range(row, key, factor, displayed, error)} {plus_minus(factor * error, digits)}"
+    quantity, _, unit = key.rpartition("_")
+    error = row[f"{quantity}_se_max_{unit}"]
+    low, high = (plus_minus(factor * row[f"{quantity}_se_{end}_{unit}"], digits) for end in ("min", "max"))
+    errors = high if low == high else f"{low}–{high.removeprefix('± ')}"
+    return f"{_range(row, key, factor, decimals(factor * error, digits), error)} {errors}"
 
 
 def _range(row: dict[str, Any], key: str, factor: float, digits: int, error: float = 0.0) -> str:

@@ -13,7 +13,16 @@ import numpy as np
 from tssgeom.stream import FrameResult, Rejected
 from tssgeom.tendon.history import last_peak
 
-RANGED = ("length_m", "total_angle_rad", "tension_in_N", "tension_out_N", "elongation_m")
+RANGED = (
+    "length_m",
+    "total_angle_rad",
+    "total_angle_se_rad",
+    "tension_in_N",
+    "tension_out_N",
+    "tension_out_se_N",
+    "elongation_m",
+    "elongation_se_m",
+)
 """Quantities whose range over a recording is reported."""
 _OTHER = "other warnings"
 

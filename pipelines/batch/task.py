@@ -45,7 +45,7 @@ from tssgeom.threads import single_threaded
 from tssgeom.view.figures.style import StyleName, choose
 from tssgeom.view.report.report import ReportEntry, rendered
 
-_FORMAT = 5  # version of the files; inputs done with another one are done anew
+_FORMAT = 6  # version of the files; inputs done with another one are done anew
 _figure_lock = threading.Lock()  # matplotlib holds the settings of a figure in the process
 
 Share = Callable[[Callable[..., Part], Iterator[tuple[object, ...]]], Iterator[Part]]

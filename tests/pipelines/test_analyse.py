@@ -56,6 +56,21 @@ def test_frames_that_differ_by_less_than_an_error_have_one_number_in_the_table(r
     assert re.search(r" 1[56]\d\.\d+–1[78]\d\.\d+ ± ", bent)
 
 
+def test_a_range_over_frames_has_the_range_of_their_standard_errors(run, tmp_path):
+    """It had the error of one frame, such as 77–379° ± 15° where frames that reach 379° have ± 200°."""
+    header = ",".join(f"P{k}_{axis}_mm" for k in range(1, 21) for axis in "xyz")
+    noise = np.random.default_rng(4).normal(0.0, 0.1, (8, 60)) * np.repeat([1.0, 30.0], [6, 2])[:, None]
+    bent = np.vstack([half_circle(count=count)[:20].ravel() for count in (20, 21, 22, 23, 24, 25, 26, 27)])
+    np.savetxt(tmp_path / "bent.csv", bent + noise, "%.4f", ",", header=header, comments="")
+    row = next(line for line in run("analyse", tmp_path / "bent.csv").out.splitlines() if "bent" in line)
+    of = json.loads(run("analyse", tmp_path / "bent.csv", "--json").out)["range"]
+    low, high = np.degrees(of["total_angle_se_rad"])
+    printed = re.search(r" [\d.]+–[\d.]+ ± ([\d.]+)–([\d.]+) ", row)
+    assert printed is not None
+    assert [float(each) for each in printed.groups()] == pytest.approx([low, high], rel=0.05)
+    assert high > 2 * low
+
+
 def test_the_table_has_the_numbers_and_the_tension_they_belong_to(run, half):
     outcome = run("analyse", half)
     assert "T_in = 15 N" in outcome.out

@@ -53,9 +53,12 @@ _RANGES = [
     for quantity, unit in (
         ("length", "m"),
         ("total_angle", "rad"),
+        ("total_angle_se", "rad"),
         ("tension_in", "N"),
         ("tension_out", "N"),
+        ("tension_out_se", "N"),
         ("elongation", "m"),
+        ("elongation_se", "m"),
     )
     for end, word in (("min", "smallest"), ("max", "largest"))
 ]

@@ -67,12 +67,18 @@ class Ranges(TypedDict):
     """Arc length L [m]."""
     total_angle_rad: list[float]
     """Accumulated curve angle Φ [rad]."""
+    total_angle_se_rad: list[float]
+    """Standard error of Φ [rad]."""
     tension_in_N: list[float]
     """Proximal tension [N]."""
     tension_out_N: list[float]
     """Distal tension [N]."""
+    tension_out_se_N: list[float]
+    """Standard error of the distal tension [N]."""
     elongation_m: list[float]
     """Elongation [m]."""
+    elongation_se_m: list[float]
+    """Standard error of the elongation [m]."""
 
 
 class ShapeObject(TypedDict):
