@@ -20,6 +20,7 @@ from tssgeom.route.error_posterior import NO_POSTERIOR
 from tssgeom.route.fibre.follow import FibreReading, follow_fibre
 from tssgeom.route.fibre.sensed import clean_fibre
 from tssgeom.route.geometry import measure
+from tssgeom.route.lost_ends import taken
 from tssgeom.route.marker_offset import follow_markers
 from tssgeom.route.noise import contradicted as contradicted_noise
 from tssgeom.route.noise import noise_growth, noise_left
@@ -141,6 +142,8 @@ def fit_frame(
         known = None if contradicted else stated
         now = begun(frame.points, known or tracked.fit.noise, frame.time)
     share = 1.0 if now is None else now.sensed_noise / now.noise
+    if now is not None and now.lost is not None:
+        tracked = replace(tracked, fit=tracked.fit.with_angle_variance(now.lost.angle_variance))
     fit, errors, source = tracked.fit, NO_POSTERIOR if last is None else last.errors, _source(frame, rig)
     if source != (None, None) and tracked.age % _ERRORS_EVERY == 0:
         errors = posterior_of_source(fit, *source)
@@ -205,7 +208,8 @@ def _fit_ends(ends: TipReadings) -> tuple[Shape, TrackedFit]:
 
 def _with_points_of(now: PointFilter, frame: Frame) -> Frame:
     """Return a frame with filtered points, and its directions in their order."""
-    return replace(frame if now.order is None else with_rows(frame, now.order), points=now.points)
+    listed = frame if now.order is None else with_rows(frame, now.order)
+    return replace(listed, points=now.points)
 
 
 def in_order(frame: Frame, first: Vector | None) -> Frame:
@@ -214,9 +218,12 @@ def in_order(frame: Frame, first: Vector | None) -> Frame:
 
 
 def with_rows(frame: Frame, rows: np.ndarray) -> Frame:
-    """Return a frame with these rows of its points and directions."""
-    directions = None if frame.directions is None else read_only(frame.directions[rows])
-    return replace(frame, points=read_only(frame.points[rows]), directions=directions)
+    """Return a frame with these rows of its points and directions, of which -1 is a missing one."""
+    directions = None if frame.directions is None else taken(frame.directions, rows)
+    stations = frame.stations
+    if stations is not None and len(stations) < len(rows):
+        stations = taken(stations, rows)
+    return replace(frame, points=taken(frame.points, rows), directions=directions, stations=stations)
 
 
 def _noise_that_counts(frame: Frame, rig: Rig, last: TrackedFit | None) -> float | None:

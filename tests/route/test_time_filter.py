@@ -171,7 +171,7 @@ def test_a_point_that_is_missing_while_the_route_leaps_is_where_it_comes_back():
         assert state is not None
         off = np.linalg.norm(state.points - true, axis=1)
         assert np.nanmax(off) < 8 * NOISE
-        assert state.warnings == ()
+        assert all("missing" in text for text in state.warnings)  # at an end
 
 
 @pytest.mark.parametrize("change", ["count", "pause", "infinite"])
@@ -179,7 +179,7 @@ def test_a_filter_ends_where_frames_do_not_go_on(change):
     *_, (state, _, sensed) = streamed(MOTIONS["stands"], frames=10)
     time = 100.0 if change == "pause" else 0.1
     if change == "count":
-        sensed = sensed[:-1]
+        sensed = sensed[:-5]
     if change == "infinite":
         sensed = np.array(sensed)
         sensed[3, 0] = np.inf

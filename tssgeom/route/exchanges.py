@@ -77,8 +77,8 @@ def is_shorter(points: Points, other: Points) -> bool:
 
 def named(order: np.ndarray) -> list[str]:
     """Name the points that are exchanged: "points 3 and 4"."""
-    texts = list[str]()
-    for cycle in _cycles(order):
-        *some, last = sorted(cycle)
+    texts, listed = list[str](), np.flatnonzero(order >= 0)
+    for cycle in _cycles(np.argsort(np.argsort(order[listed]))):
+        *some, last = sorted(listed[cycle].tolist())
         texts.append(f"points {', '.join(map(str, some))} and {last}")
     return texts

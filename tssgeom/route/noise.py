@@ -7,11 +7,12 @@ from typing import NamedTuple
 
 from tssgeom.core.constants import CHANCE, ROUNDING
 from tssgeom.errors import FitError
+from tssgeom.route.filter_limits import FILTER
 from tssgeom.route.geometry import measure
 from tssgeom.route.observations import Shape, are_few
 from tssgeom.route.route_fit import RouteFit
 from tssgeom.route.spline.fit import fit
-from tssgeom.route.time_filter import FILTER, PointFilter
+from tssgeom.route.time_filter import PointFilter
 
 
 class StatedNoise(NamedTuple):

@@ -9,7 +9,6 @@ averaged over all its frames, one that leaps is followed at once. Curvature comp
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -18,30 +17,14 @@ from tssgeom import core
 from tssgeom.arrays import Matrix, Points, Vector, read_only
 from tssgeom.core.constants import CHANCE, ROUNDING
 from tssgeom.core.constants_route import OUTLIERS, POINTS
-from tssgeom.route.directions import NOISE_PRIOR, listed
+from tssgeom.route.directions import NOISE_PRIOR
 from tssgeom.route.exchanges import is_shorter, named, order_of
+from tssgeom.route.filter_limits import FILTER
+from tssgeom.route.leaps import FAR, alone, leap_warning, leapt_points
+from tssgeom.route.lost_ends import LostEnds, carried_on, has_leapt, rows_of, taken
 from tssgeom.route.observations import MIN_POINTS
 from tssgeom.statistics import EVEN, EVIDENCE_SCALE
 
-
-@dataclass(frozen=True, slots=True)
-class FilterLimits:
-    """When a filter begins anew, and which points it leaves out."""
-
-    least_step: float = 0.1
-    """Time that passes at least between two frames, and one over that after which the filter begins anew
-    [usual steps]. Chosen: frames may come in bursts."""
-    most_over_spatial: float = 4.0
-    """Variance in time over that in one frame, which shows all noise of single points [1]. Chosen."""
-    patience: int = 5
-    """Frames in a row after which a point that leapt alone, or comes back, is used [1]. Chosen."""
-    constant_share: float = 0.2
-    """Least share of a stated variance that counts as constant in time [1]. Chosen: what changes is known to
-    some 10 % after a few frames."""
-
-
-FILTER = FilterLimits()
-_FAR = CHANCE.never**2  # squared, over noise², the median of all and neighbours: when all move, none leapt
 _FEWEST = 2  # points that may leap alone, of however few; chosen
 _MOTIONS = 7  # of core/time_filter.c
 _CALM = 4  # of them, those that average over frames
@@ -94,17 +77,20 @@ class PointFilter(NamedTuple):
     turning: Turning | None = None
     """Of a fibre, the component of its curvatures that Φ depends on."""
     order: np.ndarray | None = None
-    """Row of each point as it came, where points of this frame are exchanged [n]."""
+    """Row of each point as it came, where points of this frame are exchanged; -1 where it lacks one [n]."""
+    lost: LostEnds | None = None
+    """Ends that are missing in this frame, and are carried on."""
     reordered: bool = False
     """Whether it was those of the frames before that were exchanged, as the fit of the last one."""
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """What to know of the points of this frame, a sentence each."""
-        if self.order is None:
+        if self.order is None and self.lost is None:
             return self.remarks
-        put_back = (f"{name} are exchanged in this frame: put back" for name in named(self.order))
-        return (*put_back, *self.remarks)
+        order = () if self.order is None else named(self.order)
+        put_back = (f"{name} are exchanged in this frame: put back" for name in order)
+        return (*put_back, *self.remarks, *(() if self.lost is None else (self.lost.warning,)))
 
     @property
     def stands(self) -> bool | None:
@@ -145,7 +131,9 @@ def begun(points: Points, noise: float, time: float, cell: Vector | None = None)
     return first._replace(turning=Turning(cell, np.zeros_like(filled), 0.0, noise, first))
 
 
-def filtered(before: PointFilter, points: Points, noise: float, time: float) -> PointFilter | None:
+def filtered(
+    before: PointFilter, points: Points, noise: float, time: float, *, may_lack: bool = True
+) -> PointFilter | None:
     """Filter the points of the next frame; None where they do not go on from the last one.
 
     Parameters
@@ -158,7 +146,23 @@ def filtered(before: PointFilter, points: Points, noise: float, time: float) -> 
         Noise of the last fit, of filtered points [m].
     time
         Time of the frame [s]; where it does not increase, one usual step is taken to have passed.
+    may_lack
+        Whether a few points that were in the last frame may not be listed in this one.
     """
+    lacks, rows = len(points) < len(before.points), None
+    if lacks and may_lack and before.coordinates == 3 and points.shape[1:] == (3,):
+        rows = rows_of(points, np.tensordot(before.probability, _positions(before), 1))
+        points = points if rows is None else taken(points, rows)
+    after = _filtered(before, points, noise, time)
+    if after is not None and rows is not None:
+        after = after._replace(order=rows if after.order is None else rows[after.order])
+    if after is None or before.coordinates < 3 or _complete(after.points[[0, -1]]):
+        return after
+    return _with_ends(before, after)
+
+
+def _filtered(before: PointFilter, points: Points, noise: float, time: float) -> PointFilter | None:
+    """Do as `filtered`, and leave what is missing out."""
     if points.shape != (len(before.points), before.coordinates) or not (
         _complete(points) or np.isfinite(points[~np.isnan(points)]).all()
     ):
@@ -173,25 +177,25 @@ def filtered(before: PointFilter, points: Points, noise: float, time: float) -> 
     if _is_sent_again(before, points):  # it has no new information
         return before._replace(time=time, remarks=(), reordered=False)
     most = FILTER.most_over_spatial * (noise * before.sensed_noise / before.noise) ** 2
-    before = before._replace(time=time, interval=interval, remarks=(), order=None, reordered=False)
+    before = before._replace(time=time, interval=interval, remarks=(), order=None, lost=None, reordered=False)
     after, distance = _advanced(before, points, step, most)
-    if distance.max() <= _FAR:
+    if distance.max() <= FAR:
         return _turned(before, after, points, step, most) if math.isfinite(after.noise) else None
     ordered = _in_order(before, points, step, distance)
     if ordered is not None:
         before, points = ordered
         after, distance = _advanced(before, points, step, most)
-    back = np.flatnonzero((before.outlying >= FILTER.patience) & (distance > _FAR))
+    back = np.flatnonzero((before.outlying >= FILTER.patience) & (distance > FAR))
     if len(back):
         before = _begun_anew(before, points, back)
         after, distance = _advanced(before, points, step, most)
     if not math.isfinite(after.noise):
         return None
-    leapt = _leapt(distance)
+    leapt = leapt_points(distance)
     calm = before.probability[:_CALM].sum() > 0.5  # else nothing is known of where a point should be
     if not (calm and 0 < len(leapt) <= max(_FEWEST, OUTLIERS.share * len(points))):  # else the route moved
         return _turned(before, after, points, step, most)
-    leapt = _alone(leapt, distance, after.outlying)
+    leapt = alone(leapt, distance, after.outlying)
     if not len(leapt):
         return _turned(before, after, points, step, most)
     points = np.array(points)
@@ -201,7 +205,7 @@ def filtered(before: PointFilter, points: Points, noise: float, time: float) -> 
     estimate[leapt] = np.tensordot(after.probability, _positions(after)[:, leapt], 1)
     outlying = np.array(after.outlying)
     outlying[leapt] = before.outlying[leapt] + 1.0
-    remarks = (*before.remarks, _leapt_warning(leapt, before.coordinates))
+    remarks = (*before.remarks, leap_warning(leapt, before.coordinates))
     after = after._replace(points=estimate, outlying=outlying, remarks=remarks)
     return _turned(before, after, points, step, most)
 
@@ -259,6 +263,19 @@ def points_used(of: PointFilter) -> Points:
     return of.memory[2 * _MOTIONS]
 
 
+def _with_ends(before: PointFilter, after: PointFilter) -> PointFilter:
+    """Carry on what is missing at the ends, unless the route leaps or the frame does not list it; (324)."""
+    reference = before.points if before.lost is None else before.lost.reference
+    ends = carried_on(after.points, reference, after.noise)
+    if ends is None:
+        return after
+    is_listed = after.order is None or after.order[[0, -1]].min() >= 0
+    went_on = before.lost is None or before.lost.is_carried
+    if not (is_listed and went_on) or has_leapt(points_used(before), points_used(after)):
+        return after._replace(lost=ends[1]._replace(is_carried=False))
+    return after._replace(points=ends[0], lost=ends[1])
+
+
 def as_points(sensed: Matrix) -> Points:
     """Points [n, 3] as they are; curvature components [n, 2] with a column of zeros."""
     return sensed if sensed.shape[1] == 3 else np.column_stack((sensed, np.zeros(len(sensed))))
@@ -291,19 +308,6 @@ def _is_sent_again(before: PointFilter, points: Points) -> bool:
     return points[0, 0] == last[0, 0] and np.array_equal(points, last)
 
 
-def _leapt(distance: Vector) -> np.ndarray:
-    """Points that are far from where they were expected while most are not."""
-    return np.flatnonzero(distance > _FAR * max(1.0, core.median(distance)))
-
-
-def _alone(leapt: np.ndarray, distance: Vector, missing: Vector) -> np.ndarray:
-    """Those whose neighbours are where they were expected; the tip may move by itself."""
-    inside = leapt[(leapt > 0) & (leapt < len(distance) - 1)]
-    beside = np.where(missing > 0.0, np.inf, distance)
-    nearest = np.maximum(beside[inside - 1], beside[inside + 1])
-    return inside[distance[inside] > _FAR * nearest]
-
-
 def _in_order(
     before: PointFilter, points: Points, step: float, distance: Vector
 ) -> tuple[PointFilter, Points] | None:
@@ -312,7 +316,7 @@ def _in_order(
     The order of the frames before is right, unless the path is clearly shorter in the new one. None where no
     points are exchanged.
     """
-    far = np.flatnonzero(distance > _FAR)
+    far = np.flatnonzero(distance > FAR)
     if before.coordinates < 3 or not 2 <= len(far) <= POINTS.few:
         return None
     expected = np.tensordot(before.probability, _positions(before) + step * _velocities(before), 1)
@@ -336,10 +340,3 @@ def _begun_anew(before: PointFilter, points: Points, which: np.ndarray) -> Point
     if turning is not None:
         turning = turning._replace(of_its_own=_begun_anew(turning.of_its_own, points, which))
     return before._replace(memory=memory, turning=turning)
-
-
-def _leapt_warning(leapt: np.ndarray, coordinates: int) -> str:
-    """Say which points or gratings leapt alone."""
-    name = "point" if coordinates == 3 else "grating"
-    several = f"{name}s {listed(leapt)} leapt" if len(leapt) > 1 else f"{name} {leapt[0]} leapt"
-    return f"{several} while the others did not: taken for where the last frames had it"

@@ -9,6 +9,8 @@ from typing import TypeVar
 import numpy as np
 
 from tssgeom.arrays import Points, Vector
+from tssgeom.core.constants import ROUNDING
+from tssgeom.route.lost_ends import LostEnds, taken
 from tssgeom.route.time_filter import PointFilter, begun, filtered, points_used
 
 _T = TypeVar("_T", float, np.ndarray)
@@ -34,14 +36,14 @@ def smoothed(
     for _ in range(_PASSES):
         forward = _passed(sent, times, noise, cell)
         _put_back(forward, sent, orders)
-        backward = _passed(sent[::-1], [-time for time in times[::-1]], noise, cell)[::-1]
+        backward = _passed(sent[::-1], [-time for time in times[::-1]], noise, cell, may_lack=False)[::-1]
         if not _put_back(backward, sent, orders):  # else the frames before were in another order
             break
     results = list[PointFilter | None]()
     for first, second, order in zip(forward, backward, orders, strict=True):
         both = first if first is None or second is None else _combined(first, second)
         is_put_back = both is not None and (order != np.arange(len(order))).any()
-        results.append(both._replace(order=order) if both is not None and is_put_back else both)
+        results.append(_as_listed(both, order) if both is not None and is_put_back else both)
     return results
 
 
@@ -50,19 +52,35 @@ def _put_back(results: list[PointFilter | None], sent: list[Points], orders: lis
     changed = False
     for i, one in enumerate(results):
         if one is not None and one.order is not None:
-            sent[i], orders[i] = sent[i][one.order], orders[i][one.order]
+            sent[i] = taken(sent[i], one.order)
+            orders[i] = np.where(one.order < 0, -1, orders[i][one.order])
         changed |= one is not None and (one.order is not None or one.reordered)
     return changed
 
 
+def _as_listed(both: PointFilter, order: np.ndarray) -> PointFilter:
+    """Return points with the rows that they came in; ends that the frame does not list are missing."""
+    lost, points = both.lost, both.points
+    if lost is not None and order[[0, -1]].min() < 0:
+        points = np.where(np.isnan(points_used(both)), np.nan, points)
+        lost = lost._replace(is_carried=False)
+    return both._replace(order=order, points=points, lost=lost)
+
+
 def _passed(
-    points: Sequence[Points], times: Sequence[float], noise: float, cell: Vector | None
+    points: Sequence[Points],
+    times: Sequence[float],
+    noise: float,
+    cell: Vector | None,
+    *,
+    may_lack: bool = True,
 ) -> list[PointFilter | None]:
     """Filter frames in order; those that cannot begin a filter have none."""
     results, last = list[PointFilter | None](), None
     for sensed, time in zip(points, times, strict=True):
         # the noise of a fit of filtered points is less in proportion
-        now = None if last is None else filtered(last, sensed, noise * last.noise / last.sensed_noise, time)
+        left = 0.0 if last is None else noise * last.noise / last.sensed_noise
+        now = None if last is None else filtered(last, sensed, left, time, may_lack=may_lack)
         last = begun(sensed, noise, time, cell) if now is None else now
         results.append(last)
     return results
@@ -74,6 +92,7 @@ def _combined(before: PointFilter, later_on: PointFilter) -> PointFilter:
     r = before.sensed_noise**2
     points, noise = _joined(before.points, before.noise, later_on.points, later_on.noise, sensed, r)
     points = np.where(np.isfinite(points), points, before.points)
+    points, lost = _with_ends(points, before, later_on)
     turning, later = before.turning, later_on.turning
     if turning is not None and later is not None:
         along = np.where(np.isfinite(sensed), turning.direction, 0.0)
@@ -83,7 +102,18 @@ def _combined(before: PointFilter, later_on: PointFilter) -> PointFilter:
         value, left = _joined(own, turning.noise, after, later.noise, reading, r)
         points = points + (value - now) * turning.direction
         turning = turning._replace(noise=left)
-    return before._replace(points=points, noise=noise, turning=turning)
+    return before._replace(points=points, noise=noise, turning=turning, lost=lost)
+
+
+def _with_ends(points: Points, before: PointFilter, later_on: PointFilter) -> tuple[Points, LostEnds | None]:
+    """Return points with the ends that are missing, between where both have them, by how sure each is."""
+    both = [one for one in (before, later_on) if one.lost is not None and one.lost.is_carried]
+    if not both:
+        return points, before.lost or later_on.lost
+    weight = np.array([1.0 / (one.lost.turn**2 + ROUNDING.exact) for one in both if one.lost is not None])
+    between = np.tensordot(weight / weight.sum(), [one.points for one in both], 1)
+    surest = both[int(weight.argmax())]
+    return np.where(np.isnan(points_used(before)), between, points), surest.lost
 
 
 def _joined(
