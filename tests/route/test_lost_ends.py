@@ -50,6 +50,7 @@ def test_the_error_grows_as_the_route_moves_on_without_its_end():
     _, points = sensed(21, noise=1e-4)
     clean = results("stream", points)
     lost = results("stream", without(points, [-1], range(30, FRAMES)))
+    assert len({text for one in lost[30:] for text in missing(one)}) == 1
     ratio = [b.arcs.total_angle_se / a.arcs.total_angle_se for a, b in zip(clean, lost, strict=True)]
     assert ratio[29] == 1.0
     assert np.mean(ratio[70:]) > np.mean(ratio[30:34]) > 1.0

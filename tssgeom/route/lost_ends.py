@@ -25,7 +25,7 @@ class LostEnds(NamedTuple):
     turn: float
     """Standard deviation of what the route turns from point to point less than it did then [rad]."""
     length: float
-    """Length of the path along them [m]."""
+    """Length of the path along them, then [m]."""
     is_carried: bool = True
     """Whether the route goes on to them; not where it leapt since, or a frame does not list them."""
 
@@ -74,9 +74,8 @@ def carried_on(points: Points, reference: Points, noise: float) -> tuple[Points,
         return None
     change = _turns(points[both]) - _turns(reference[both])
     turn = float(np.sqrt(np.mean(np.square(change))))
-    length = float(
-        step_lengths(filled[: first + 1]).sum() + step_lengths(filled[len(points) - last - 1 :]).sum()
-    )
+    then = np.where(np.isnan(reference), filled, reference)  # so that each frame has the same length
+    length = float(step_lengths(then[: first + 1]).sum() + step_lengths(then[len(then) - last - 1 :]).sum())
     return read_only(filled), LostEnds(first, last, reference, turn, length)
 
 
