@@ -1,4 +1,4 @@
-"""Points that are exchanged, detected by where they were expected; docs/model.md (323)."""
+"""Points that are exchanged, detected by where they were expected; docs/model.md (325)."""
 
 from __future__ import annotations
 

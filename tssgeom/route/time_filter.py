@@ -311,7 +311,7 @@ def _is_sent_again(before: PointFilter, points: Points) -> bool:
 def _in_order(
     before: PointFilter, points: Points, step: float, distance: Vector
 ) -> tuple[PointFilter, Points] | None:
-    """Put back points that are exchanged [n, 3] [m], or what is remembered of them; docs/model.md (323).
+    """Put back points that are exchanged [n, 3] [m], or what is remembered of them; docs/model.md (325).
 
     The order of the frames before is right, unless the path is clearly shorter in the new one. None where no
     points are exchanged.
