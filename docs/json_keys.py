@@ -9,6 +9,7 @@ from typing import Any, NamedTuple, NotRequired, Union, get_args, get_origin, ge
 import msgspec
 import numpy as np
 from docstrings import cell, field_docs, parted, sentences, wrapped
+from numpy.typing import NDArray
 
 from tssgeom.io.formats.cameras import CalibrationFile
 from tssgeom.io.results.answers import Answer, Late, Refusal, Stale
@@ -30,6 +31,8 @@ from tssgeom.io.results.keys.runs import Compensated, FollowedObject, MachineCom
 from tssgeom.io.results.keys.shapes import ShapeObject
 from tssgeom.io.results.run_record import RunFile
 from tssgeom.rig import Rig
+
+_VECTOR = NDArray[np.float64]  # an array, or from numpy 2.5 on the name of one
 
 
 class Output(NamedTuple):
@@ -165,7 +168,7 @@ def words(hint: Any, optional: bool = False) -> str:
     if origin in (types.UnionType, Union):
         kinds = dict.fromkeys(words(each) for each in inside if each is not type(None))
         return " or ".join([*kinds, *(["null"] if type(None) in inside and not optional else [])])
-    if origin is np.ndarray:
+    if origin in (np.ndarray, get_origin(_VECTOR)):
         return "list of number or null"
     if origin in (list, tuple, Sequence):
         return f"list of {words(inside[0])}"
