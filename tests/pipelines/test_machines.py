@@ -204,7 +204,7 @@ def test_a_pretension_below_what_is_assumed_follows_from_a_run_that_begins_at_re
     )
     low, high = json.loads(done.out)["estimates"]["tendon.pretension_N"]["ci95"]
     assert low < 0.6 < high
-    assert high < 1.0
+    assert high < 2.5  # half of what is assumed
 
 
 def _plain(folder):

@@ -11,6 +11,7 @@ from contextlib import suppress
 from dataclasses import replace
 
 from tssgeom.errors import FitError
+from tssgeom.identify.machine_bends import followed
 from tssgeom.identify.machine_estimates import MachineCalibration, calibration_of
 from tssgeom.identify.machine_even_bend import bend_remarks
 from tssgeom.identify.machine_evidence import modelled
@@ -91,9 +92,10 @@ def _calibrated(
         progress("each run without the others", 0.7)
         held = runs_held_out(problem, state)
     progress("intervals", 0.9)
+    problem, state, valley = followed(problem, state)
     remarks = (each.text for each in load_remarks(runs, rig))
     said = (STRAIGHT,) if straight else ()
-    made = calibration_of(problem, state, held, (*said, *notes, *more, *remarks))
+    made = calibration_of(problem, state, held, (*said, *notes, *more, *remarks), valley=valley)
     return replace(made, warnings=(*made.warnings, *bend_remarks(problem, state, made.estimates)))
 
 

@@ -14,6 +14,7 @@ from tssgeom.arrays import Vector
 from tssgeom.core.constants import CHANCE
 from tssgeom.identify.finding import LawCurve
 from tssgeom.identify.fit_quality import ChannelFit, failures, is_identified, misfits, whiteness
+from tssgeom.identify.machine_bends import Valley
 from tssgeom.identify.machine_held_out import NOTHING_HELD_OUT, HeldOut, contradictions
 from tssgeom.identify.machine_law_bands import law_band
 from tssgeom.identify.machine_parameters import route_numbers
@@ -109,14 +110,16 @@ def calibration_of(
     notes: Sequence[str] = (),
     *,
     normal: bool = False,
+    valley: Valley | None = None,
 ) -> MachineCalibration:
     """Return the estimates of a fit, with the covariance of Gauss and Newton; docs/model.md (181)-(183).
 
-    Unless the posterior is to be taken for `normal`, it is followed along its widest numbers; (261).
+    Unless the posterior is to be taken for `normal`, it is followed along its widest numbers; (261). Where
+    bends are not known their `valley` was.
     """
     effective = sum(len(each) for each in state.left) / float(np.mean(state.inflation))
     quantile = float(stdtrit(max(effective - len(state.u), 2.0), 0.975))
-    problem, state, posterior = posterior_of(problem, state, quantile, normal=normal)
+    problem, state, posterior = posterior_of(problem, state, quantile, normal=normal, valley=valley)
     estimates = tuple(_estimates(problem, posterior))
     bends = tuple(_bends(problem, posterior))
     values = {each.key: each.value for each in (*estimates, *bends) if each.key}

@@ -15,6 +15,7 @@ from tssgeom.arrays import Matrix, Vector
 from tssgeom.core.constants import CHANCE
 from tssgeom.errors import FitError
 from tssgeom.identify.fit_quality import ROBUST, first_weights
+from tssgeom.identify.machine_parameters import one_bend, shares_of
 from tssgeom.identify.machine_problem import FIT, FitState, Problem, fitted_rows
 from tssgeom.identify.machine_run import thinned
 from tssgeom.least_squares import SOLVER, Solution, solve
@@ -28,7 +29,7 @@ _STARTS = tuple(itertools.product((0.0, -1.0, 1.0), repeat=3))
 def start_of(problem: Problem) -> Vector:
     """Return where the fit starts: the best of a few corners of what is assumed, after a short fit each.
 
-    Where a sheath bends anywhere, the best corner with bends at its base, and at its end, counts too.
+    Where a sheath bends anywhere, the best corner with one bend towards its base, and its end, counts too.
     """
     few = max(FIT.least_at_start, FIT.most_at_start // len(problem.runs))
     runs = tuple(thinned(run, few) for run in problem.runs)
@@ -53,12 +54,10 @@ def start_of(problem: Problem) -> Vector:
 
 
 def _bend_starts(problem: Problem) -> Iterator[Vector]:
-    """Yield bends that are even, and ones from 1 to −1 standard deviation along the sheath and back."""
-    at = [j for j, each in enumerate(problem.parameters) if each.kind == "share"]
-    for way in (0.0, -1.0, 1.0) if at else (0.0,):
-        u = np.zeros(len(problem.parameters))
-        u[at] = way * np.linspace(-1.0, 1.0, len(at))
-        yield u
+    """Yield bends that are even, and one bend towards either end of the sheath."""
+    even = np.zeros(len(problem.parameters))
+    for position in (None, 0.25, 0.75) if shares_of(problem.parameters) else (None,):
+        yield one_bend(problem.parameters, even, position)
 
 
 def _corners(problem: Problem) -> Iterator[Vector]:

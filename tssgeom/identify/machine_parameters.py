@@ -12,6 +12,7 @@ import msgspec
 import numpy as np
 from scipy.special import ndtr
 
+from tssgeom.arrays import Vector
 from tssgeom.identify.fit import start_rig
 from tssgeom.identify.machine_run import LIMITS, MachineRun
 from tssgeom.rig import Rig
@@ -26,8 +27,13 @@ class BendSettings:
     parts: int = 16
     """Equal parts of the length with a share of the angle each [1]; chosen: with eight the play of a pair
     that bends behind a straight sixteenth of its sheath was 18 standard errors off."""
-    log_sd: float = 1.5
-    """Standard deviation of the logarithm of a share [1]; chosen: from a twentieth of an even one to all."""
+    log_sd: float = 3.0
+    """Standard deviation of the logarithm of a share [1]; chosen: straights between one to three bends are
+    likely, whose shares are next to none."""
+    one_log: float = 4.0
+    """Logarithm of the share of one bend above that of the rest [1]; chosen: it has nearly all."""
+    one_parts: float = 1.5
+    """Parts that are one standard deviation of it [1]; chosen."""
 
 
 BENDS = BendSettings()
@@ -50,6 +56,21 @@ class Parameter(NamedTuple):
     def value(self, u: float) -> float:
         """Return the number in its unit; a share of friction is even over −1 to 1."""
         return float(2.0 * ndtr(u) - 1.0) if self.kind == "history" else self.prior.value(u)
+
+
+def shares_of(parameters: Sequence[Parameter]) -> list[int]:
+    """Return which numbers are the shares of the angle in the parts of a sheath, proximal to distal."""
+    return [j for j, each in enumerate(parameters) if each.kind == "share"]
+
+
+def one_bend(parameters: Sequence[Parameter], u: Vector, position: float | None) -> Vector:
+    """Return numbers with one bend at a position along the sheath, 0 to 1; with an even bend where None."""
+    at, out = shares_of(parameters), u.copy()
+    out[at] = 0.0
+    if position is not None:
+        away = (np.arange(len(at)) + 0.5 - position * len(at)) / BENDS.one_parts
+        out[at] = BENDS.one_log / BENDS.log_sd * (np.exp(-0.5 * away**2) - 0.5)
+    return out
 
 
 def with_unknown_bends(

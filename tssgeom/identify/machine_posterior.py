@@ -17,6 +17,7 @@ from scipy.special import ndtr
 
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.core.constants import CHANCE
+from tssgeom.identify.machine_bends import Valley
 from tssgeom.identify.machine_drive_errors import DriveErrors, drive_errors
 from tssgeom.identify.machine_problem import FIT, FitState, Problem
 from tssgeom.least_squares import SOLVER
@@ -81,12 +82,16 @@ class Posterior:
     quantile: float
     """Standard deviations of half a 95 % interval of a normal law [1]."""
     profiles: tuple[Profile, ...]
+    valley: Valley | None = None
+    """Of a machine whose bends nobody knows."""
 
     def of(self, share: Vector) -> tuple[float, float, float]:
         """Return standard deviation and 95 % interval of a sum of numbers, each times its share; (261).
 
         Where a long tail makes the interval wider, the standard deviation is that of a normal law: (182).
         """
+        if self.valley is not None:
+            return self._in_valley(share, self.valley)
         middle, across = float(share @ self.u), self.covariance @ share
         of_drive, other = (float(share @ each @ share) for each in self.errors)
         sd, own = math.sqrt(max(float(share @ across), 1e-300)), np.sqrt(np.diag(self.covariance))
@@ -105,6 +110,14 @@ class Posterior:
         low, high = min(low, middle), max(high, middle)
         return max(spread, (high - low) / (2.0 * self.quantile)), low, high
 
+    def _in_valley(self, share: Vector, valley: Valley) -> tuple[float, float, float]:
+        """Return what `of` does by the points that fits have passed; (326)."""
+        middle, of_drive = float(share @ self.u), float(share @ self.errors.covariance @ share)
+        beside, (low, high) = self.quantile**2 * of_drive, valley.ends(share, self.quantile)
+        low = middle - math.sqrt(max(middle - low, 0.0) ** 2 + beside)
+        high = middle + math.sqrt(max(high - middle, 0.0) ** 2 + beside)
+        return (high - low) / (2.0 * self.quantile), low, high
+
 
 def _quantile(centres: Vector, sd: float, weight: Vector, at: float) -> float:
     """Return where a mixture of normal laws has the probability of a normal one at so many deviations."""
@@ -117,14 +130,22 @@ def _quantile(centres: Vector, sd: float, weight: Vector, at: float) -> float:
 
 
 def posterior_of(
-    problem: Problem, state: FitState, quantile: float, *, normal: bool = False
+    problem: Problem,
+    state: FitState,
+    quantile: float,
+    *,
+    normal: bool = False,
+    valley: Valley | None = None,
 ) -> tuple[Problem, FitState, Posterior]:
-    """Return the posterior about a fit, and the fit at its likeliest numbers; not followed where `normal`."""
+    """Return the posterior about a fit, and the fit at its likeliest numbers.
+
+    It is not followed where it is taken for `normal`, or where a `valley` of bends was.
+    """
     slope = state.slope(problem)
     covariance = np.asarray(np.linalg.inv(slope.T @ slope + np.eye(len(state.u))), dtype=np.float64)
     errors = drive_errors(problem, state, slope, covariance)
     fine = replace(problem, bars=FIT.fine, too_few_bars=())
-    wide = () if normal else _wide(problem, covariance)
+    wide = () if normal or valley is not None else _wide(problem, covariance)
     made = (_Along(fine, state, slope, covariance, j).profile() for j in wide)
     profiles = tuple(each for each in made if each is not None)
     if profiles:
@@ -136,7 +157,7 @@ def posterior_of(
                 fine,
                 replace(state, u=u, channels=channels, left=fine.left(channels), beside=None),
             )
-    return problem, state, Posterior(state.u, covariance, errors, quantile, profiles)
+    return problem, state, Posterior(state.u, covariance, errors, quantile, profiles, valley)
 
 
 def _wide(problem: Problem, covariance: Matrix) -> Iterator[int]:

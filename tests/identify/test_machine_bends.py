@@ -1,0 +1,68 @@
+"""How far the numbers of a machine may go along the valley that bends leave open, and steps along it."""
+
+import numpy as np
+import pytest
+from msgspec.structs import replace
+
+from tests.identify.test_machine_even_bend import KEYS, RIG, calibrated
+from tssgeom.identify.machine_bend_steps import BendSteps, Pull
+from tssgeom.identify.machine_bends import BEND_FITS, Spot, Valley
+from tssgeom.identify.machine_parameters import one_bend, parameters_of, shares_of, with_unknown_bends
+from tssgeom.identify.machine_problem import Problem, fitted_rows
+from tssgeom.rig import with_values
+from tssgeom.uncertain import UNKNOWNS, Uncertain
+
+NOISE = 3.5e-4
+
+
+@pytest.fixture(scope="module")
+def steps():
+    runs = calibrated(stated=False).runs
+    uncertain = [Uncertain(key, UNKNOWNS[key], stated=False) for key in KEYS]
+    blind = replace(RIG, route=replace(RIG.route, bends=()))
+    about = with_values(blind, {key: UNKNOWNS[key].centre for key in KEYS})
+    rig, uncertain = with_unknown_bends(runs, about, uncertain)
+    given = Problem(runs, rig, tuple(parameters_of(runs, rig, uncertain)), fitted_rows(runs, None), 16)
+    return BendSteps(given, np.full(sum(len(at) for _, _, at in given.rows), 1.0 / NOISE), given.steps())
+
+
+def test_an_interval_reaches_as_far_as_any_point_below_the_rise_of_chi_square_lets_it():
+    near = Spot(np.array([0.0]), np.array([[0.04]]), 0.0)
+    along = Spot(np.array([1.0]), np.array([[0.01]]), BEND_FITS.two - 1.0)
+    beyond = Spot(np.array([9.0]), np.array([[1.0]]), BEND_FITS.two + 0.1)
+    low, high = Valley((near, along, beyond)).ends(np.ones(1), 1.959964)
+    assert (low, high) == pytest.approx((-0.2 * BEND_FITS.two**0.5, 1.1), abs=1e-5)
+
+
+def test_friction_of_each_part_goes_straight_along_a_step(steps):
+    given = steps.problem.parameters
+    own, k = shares_of(given), [each.key for each in given].index("friction.coefficient")
+    rng = np.random.default_rng(3)
+    u, step = 0.3 * rng.standard_normal((2, len(given)))
+    step *= 0.2
+
+    def of_parts(u):
+        weights = np.array([given[j].value(u[j]) for j in own])
+        return given[k].value(u[k]) * weights / weights.sum()
+
+    moved, little = of_parts(steps.moved(u, step)), of_parts(u + 1e-6 * step)
+    assert moved == pytest.approx(of_parts(u) + 1e6 * (little - of_parts(u)), rel=1e-4)
+
+
+def test_a_fit_goes_down_and_a_pull_moves_its_number(steps):
+    u = one_bend(steps.problem.parameters, np.zeros(len(steps.problem.parameters)), 0.4)
+    start = steps.passed(steps.at(u))
+    chi2 = [each.point.chi2 for each in steps.fit(start, start.point.chi2, passes=3)]
+    assert len(chi2) > 1
+    assert np.all(np.diff([start.point.chi2, *chi2]) < 0.0)
+    to = Pull(0, float(u[0]) + 0.5, 1e-4)
+    *_, end = steps.fit(start, start.point.chi2, passes=3, pull=to)
+    assert abs(end.point.u[0] - to.to) < 0.25
+
+
+def test_one_bend_has_most_of_the_angle_where_it_is(steps):
+    given = steps.problem.parameters
+    u = one_bend(given, np.zeros(len(given)), 0.25)
+    weights = np.array([given[j].value(u[j]) for j in shares_of(given)])
+    assert weights[2:6].sum() > 0.75 * weights.sum()
+    assert np.all(one_bend(given, u, None)[shares_of(given)] == 0.0)
