@@ -1,6 +1,6 @@
 """Steps of a fit of a machine whose bends nobody knows to the valley that its runs leave open.
 
-Source: docs/model.md (260), (324).
+Source: docs/model.md (260), (327).
 """
 
 from __future__ import annotations
@@ -137,7 +137,7 @@ class BendSteps:
         return best
 
     def moved(self, u: Vector, step: Vector) -> Vector:
-        """Return numbers behind a step in which the friction of each part, μΦ_j, goes straight; (324)."""
+        """Return numbers behind a step in which the friction of each part, μΦ_j, goes straight; (327)."""
         out, k, own = u + step, self._friction, self._shares
         weights, rates = np.exp(self.sd[own] * u[own]), self.sd[own] * step[own]
         common = self.sd[k] * step[k] - float(weights @ rates / weights.sum())

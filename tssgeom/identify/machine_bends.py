@@ -1,4 +1,4 @@
-"""What runs leave open of a machine where nobody says where its sheaths bend; docs/model.md (323) to (326).
+"""What runs leave open of a machine where nobody says where its sheaths bend; docs/model.md (326) to (329).
 
 Shares of the angle, lever arm, friction and softness lie along a long bent valley, whose direction the
 covariance of Gauss and Newton has at one point only. So fits begin from other bends, and go on along the
@@ -72,7 +72,7 @@ class Valley(NamedTuple):
     spots: tuple[Spot, ...]
 
     def ends(self, share: Vector, quantile: float) -> tuple[float, float]:
-        """Return the least and most of a sum of numbers, each times its share; (326).
+        """Return the least and most of a sum of numbers, each times its share; (329).
 
         Parameters
         ----------
@@ -164,7 +164,7 @@ class _Fits:
         self.passed += [start, *self.steps.fit(start, lowest, BEND_FITS.passes, pull)]
 
     def bent(self) -> bool:
-        """Whether χ² rises far more than by a normal law at the end of an interval of the rig; (323)."""
+        """Whether χ² rises far more than by a normal law at the end of an interval of the rig; (326)."""
         at, most = self.lowest(), BEND_FITS.bent * NORMAL_95**2
         far = NORMAL_95 * np.sqrt(np.diag(at.covariance))
         rises = (self.steps.rise(at, j, way * far[j]) for j in self._of_rig() for way in (-1.0, 1.0))
@@ -181,7 +181,7 @@ class _Fits:
             self.begin(one_bend(self.steps.problem.parameters, u, position))
 
     def along_widest(self) -> None:
-        """Follow fits that pull the numbers that are known least beyond their intervals; (325)."""
+        """Follow fits that pull the numbers that are known least beyond their intervals; (328)."""
         for j in list(self._widest()):
             for way in (-1.0, 1.0):
                 self._go_beyond(j, way)

@@ -111,7 +111,7 @@ class Posterior:
         return max(spread, (high - low) / (2.0 * self.quantile)), low, high
 
     def _in_valley(self, share: Vector, valley: Valley) -> tuple[float, float, float]:
-        """Return what `of` does by the points that fits have passed; (326)."""
+        """Return what `of` does by the points that fits have passed; (329)."""
         middle, of_drive = float(share @ self.u), float(share @ self.errors.covariance @ share)
         beside, (low, high) = self.quantile**2 * of_drive, valley.ends(share, self.quantile)
         low = middle - math.sqrt(max(middle - low, 0.0) ** 2 + beside)
