@@ -144,7 +144,7 @@ def _range(row: dict[str, Any], key: str, factor: float, digits: int, error: flo
     ends = row[f"{quantity}_min_{unit}"], row[f"{quantity}_max_{unit}"]
     if ends[1] - ends[0] < error:
         ends = (sum(ends) / 2,) * 2
-    low, high = (f"{end * factor:.{digits}f}" for end in ends)
+    low, high = (f"{end * factor:z.{digits}f}" for end in ends)
     return low if low == high else f"{low}–{high}"
 
 

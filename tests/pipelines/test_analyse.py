@@ -4,10 +4,13 @@ import json
 import math
 import os
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
+
+SAMPLES = Path(__file__).parents[2] / "sample_shapes"
 
 
 def half_circle(count: int = 40) -> np.ndarray:
@@ -69,6 +72,12 @@ def test_a_range_over_frames_has_the_range_of_their_standard_errors(run, tmp_pat
     assert printed is not None
     assert [float(each) for each in printed.groups()] == pytest.approx([low, high], rel=0.05)
     assert high > 2 * low
+
+
+def test_an_elongation_that_is_0_but_for_rounding_has_no_sign(run):
+    table = run("analyse", SAMPLES / "insertion.jsonl").out
+    assert " 0.0000–" in table
+    assert "-0.0" not in table
 
 
 def test_the_table_has_the_numbers_and_the_tension_they_belong_to(run, half):
