@@ -174,8 +174,7 @@ def _give_up(executor: Executor) -> None:
     It ends them by a signal that they do not hear, and waits for them: since Python 3.12 with its lock held.
     """
     if isinstance(executor, ProcessPoolExecutor):
-        for worker in multiprocessing.active_children():
-            worker.kill()
+        end_workers()
     executor.shutdown(wait=False)
 
 

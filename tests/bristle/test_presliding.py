@@ -20,6 +20,20 @@ from tssgeom.tendon.machine_simulation import simulate_machine
 TIME = np.linspace(0.0, 20.0, 401)
 STROKE = 0.0036 * (1.0 - np.cos(2.0 * np.pi * TIME / 8.0)) * (1.0 + 0.3 * np.sin(TIME))
 
+GIVEN = {"time_s": TIME, "displacement_in_m": STROKE}
+RIG = Rig(
+    tendon=Tendon(pretension_N=5.0, compliance_per_N=3e-4),
+    friction=Friction(coefficient=0.15),
+    load=Load(stiffness_N_per_m=2000.0),
+)
+
+
+def pulled(bristles):
+    """Return a sheath, and what elements with these bristles give for the rig in it under the stroke."""
+    sheath = random_sheath(np.random.default_rng(3), 0.6, 3.0, 0)
+    elements = BristleRig(0.15, 3e-4, 5.0, 2000.0, [sheath], bristles=bristles)
+    return sheath, run(elements, sheath, TIME, STROKE, Acts())
+
 
 def off(channel, read, true):
     return float(np.sqrt(np.mean((read[channel] - true) ** 2)))
@@ -27,17 +41,9 @@ def off(channel, read, true):
 
 @pytest.mark.parametrize(("distance", "without"), [(1e-5, 0.11), (5e-5, 0.34), (2e-4, 0.87), (1e-3, 2.4)])
 def test_a_tendon_is_that_of_bristles(distance, without):
-    sheath = random_sheath(np.random.default_rng(3), 0.6, 3.0, 0)
-    bristles = Bristles(breakaway_m=(distance,))
-    true = run(BristleRig(0.15, 3e-4, 5.0, 2000.0, [sheath], bristles=bristles), sheath, TIME, STROKE, Acts())
-    rig = Rig(
-        tendon=Tendon(pretension_N=5.0, compliance_per_N=3e-4),
-        friction=Friction(coefficient=0.15),
-        load=Load(stiffness_N_per_m=2000.0),
-    )
-    given = {"time_s": TIME, "displacement_in_m": STROKE}
+    sheath, true = pulled(Bristles(breakaway_m=(distance,)))
     base, full = (
-        predict(given, arcs_of(sheath), rig, effects) for effects in ((), (Presliding(distance_m=distance),))
+        predict(GIVEN, arcs_of(sheath), RIG, effects) for effects in ((), (Presliding(distance_m=distance),))
     )
     assert off("tension_in_N", base, true["tension_in"]) > without  # what the effect is for [N]
     assert off("tension_in_N", full, true["tension_in"]) < 1e-3  # of 30 bars; a tenth of it with 120
@@ -47,18 +53,10 @@ def test_a_tendon_is_that_of_bristles(distance, without):
 @pytest.mark.parametrize(("distance", "alike"), [(1e-5, 0.02), (5e-5, 0.08), (2e-4, 0.25), (1e-3, 0.8)])
 def test_a_tendon_whose_contacts_differ_is_that_of_many_bristles_a_contact(distance, alike):
     """By Dahl's law each contact has one bristle of those that each contact of the elements has; (323)."""
-    sheath = random_sheath(np.random.default_rng(3), 0.6, 3.0, 0)
     at, share = dahl(distance, 40)
-    bristles = Bristles(breakaway_m=at, share=share)
-    true = run(BristleRig(0.15, 3e-4, 5.0, 2000.0, [sheath], bristles=bristles), sheath, TIME, STROKE, Acts())
-    rig = Rig(
-        tendon=Tendon(pretension_N=5.0, compliance_per_N=3e-4),
-        friction=Friction(coefficient=0.15),
-        load=Load(stiffness_N_per_m=2000.0),
-    )
-    given = {"time_s": TIME, "displacement_in_m": STROKE}
+    sheath, true = pulled(Bristles(breakaway_m=at, share=share))
     by_prandtl, by_dahl = (
-        predict(given, arcs_of(sheath), rig, (effect,))
+        predict(GIVEN, arcs_of(sheath), RIG, (effect,))
         for effect in (Presliding(distance_m=2.0 * distance), Presliding(distance_m=distance, law="dahl"))
     )
     assert off("tension_in_N", by_prandtl, true["tension_in"]) > alike  # with the mean path for all [N]
