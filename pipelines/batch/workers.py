@@ -131,7 +131,7 @@ class WorkerPool:
             future = self._submit(work, one)
             wait([future])
             yield one, _outcome(future)
-            self.executor.shutdown(wait=False)
+            _give_up(self.executor)
         self.executor = self.make(self.count)
 
     def ordered(self, work: Callable[..., Done], calls: Iterable[tuple[Any, ...]]) -> Iterator[Done]:
@@ -169,7 +169,7 @@ _LOST_REASON = "the worker process of it was lost, perhaps for lack of memory: r
 
 
 def _give_up(executor: Executor) -> None:
-    """End an executor that has lost a worker, and those that it still has.
+    """End an executor that has lost a worker or has no call left, and the workers that it still has.
 
     It ends them by a signal that they do not hear, and waits for them: since Python 3.12 with its lock held.
     """

@@ -184,10 +184,10 @@ def die_of(what: str) -> str:
 
 def test_a_worker_that_dies_takes_only_its_own_call_with_it() -> None:
     with worker_pool(2, None, lambda frames, size: None) as pool:
-        done = dict(pool.unordered(die_of, ["a", "poison"]))
-        assert not active_children()  # the other worker of the lost executor went too
+        done = dict(pool.unordered(die_of, ["a", "poison", "b", "c"]))
+        assert not active_children()  # neither others of the lost executor, nor those of one call each
     assert isinstance(done.pop("poison"), WorkerLost)
-    assert done == {"a": "A"}
+    assert done == {"a": "A", "b": "B", "c": "C"}
 
 
 def test_frames_that_stand_alone_give_the_same_bytes_however_they_are_spread(
