@@ -148,11 +148,16 @@ class WorkerPool:
             yield self._result(running.popleft())
 
     def _submit(self, work: Callable[..., Done], *given: Any) -> Future[Done]:
-        """Hand out a call; a worker that starts for it hears no signal."""
-        if self.count == 1:
-            return self.executor.submit(work, *given)
-        with unheard():
-            return self.executor.submit(work, *given)
+        """Hand out a call; a worker that starts for it hears no signal. One that is lost is an outcome."""
+        try:
+            if self.count == 1:
+                return self.executor.submit(work, *given)
+            with unheard():
+                return self.executor.submit(work, *given)
+        except BrokenExecutor as error:
+            future: Future[Done] = Future()
+            future.set_exception(error)
+            return future
 
     def _result(self, future: Future[Done]) -> Done:
         while not wait([future], _LIMITS.report_interval).done:
