@@ -60,6 +60,8 @@ def simulate_adapt(
         check_run(run, sensed, settings.rig)
         with errors_naming(drive, shapes), step_progress(quiet=quiet or as_json) as report_step:
             follower = RunFollower(settings.rig, sensed.route, _columns(run, settings))
+            for note in follower.notes:
+                print_message(f"{drive}: warning: {note}")
             count = len(run.time)
             for row in follower.rows():
                 if row % _REPORTED == 0:

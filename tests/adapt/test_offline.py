@@ -1,14 +1,15 @@
 """Recorded runs that are followed and smoothed, against the truth of the independent simulator."""
 
+import msgspec
 import numpy as np
 import pytest
 from scipy.stats import chi2
 
 from tests.adapt.cases import BEGIN_S, columns_of, follow, rig_of, route_of, scores
 from tests.twins import drifting_friction, drifting_zeros, machine, sound, wet_sheath
+from tssgeom.adapt.kinds import assumed_noise
 from tssgeom.adapt.offline import RunColumns, RunFollower
 from tssgeom.errors import SettingsError
-from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.moving import MovingRoute
 
@@ -90,12 +91,22 @@ def test_zeros_of_a_cell_that_is_not_there_are_not_followed():
     assert len(follow(scenario, every=10, tension_out=True).keys) == 3
 
 
-def test_a_run_without_noise_or_readings_is_refused():
+def test_noise_that_no_rig_states_is_that_of_the_readings_or_of_exact_ones_assumed():
     scenario = drifting_friction(1, 0.01)
-    with pytest.raises(
-        SettingsError, match=r"states no noise of displacement_in_m.*\[sensors.displacement_in_m\]"
-    ):
-        RunFollower(Rig(), route_of(scenario), columns_of(scenario))
+    stated = rig_of(scenario.machine)
+    silent = msgspec.structs.replace(stated, sensors={})
+    read = RunFollower(silent, route_of(scenario), columns_of(scenario))
+    assert len(read.notes) == 2
+    assert not RunFollower(stated, route_of(scenario), columns_of(scenario)).notes
+    noise = {name: sensor.noise for name, sensor in read.rig.sensors.items()}
+    assert noise == {name: pytest.approx(stated.sensors[name].noise, rel=0.1) for name in noise}
+    columns = columns_of(scenario)._replace(tension_in=scenario.truth["tension_in_N"])
+    exact = RunFollower(silent, route_of(scenario), columns).rig.sensors
+    assert exact["tension_in_N"].noise == assumed_noise("tension_in_N")
+
+
+def test_a_run_without_readings_beside_its_drive_is_refused():
+    scenario = drifting_friction(1, 0.01)
     given = machine(1)
     route = MovingRoute(np.zeros(1), [Arcs.exact(given.lengths_m, given.angles_rad)])
     alone = RunColumns(scenario.times, tension_in=scenario.readings["tension_in_N"])

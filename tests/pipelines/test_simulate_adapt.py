@@ -65,9 +65,11 @@ def test_a_run_is_followed_and_written(folder, capsys):
     assert sum(name.startswith("# ") and "±" in name for name in written.read_text("utf-8").split("\n")) == 3
 
 
-def test_a_rig_without_noise_is_refused_with_what_it_lacks(folder, capsys):
-    assert simulate(folder, "--adapt") == 2
-    assert "states no noise of displacement_in_m" in capsys.readouterr().err
+def test_a_rig_without_noise_takes_that_of_the_readings_and_states_it(folder, capsys):
+    assert simulate(folder, "--adapt", "--quiet") == 0
+    written = capsys.readouterr().err
+    assert "sensors.displacement_in_m.noise is not stated: " in written
+    assert " m, as the readings show" in written
 
 
 def test_a_rig_is_written_only_where_it_is_followed(folder, capsys):

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+import msgspec
 import numpy as np
 
 from tssgeom.adapt.ensemble import Ensemble
 from tssgeom.adapt.follower import Alert, Follower
+from tssgeom.adapt.kinds import assumed_noise
 from tssgeom.adapt.machine_readings import MachineReadings, channels_read
 from tssgeom.adapt.readings import CHANNELS, FollowedRig, Readings, noise_variance
 from tssgeom.adapt.smoothing import NumberHistory, SmoothedNumbers
@@ -18,11 +20,13 @@ from tssgeom.arrays import Matrix, Vector
 from tssgeom.errors import FitError, SettingsError
 from tssgeom.mechanism import tendon_count
 from tssgeom.result import Result
-from tssgeom.rig import Rig
+from tssgeom.rig import Rig, Sensor
+from tssgeom.statistics import reading_noise
 from tssgeom.tendon.machine_simulation import drive_channels, drive_of, with_torque
 from tssgeom.tendon.moving import MovingRoute
 
 _SLICE = 3e-3  # of work on an alert [s]; measured: eight frames of each mechanism
+_EXACT = 0.01  # of the noise assumed of a channel [1]; chosen: readings with less are computed, or filtered
 _SMOOTHED = 0.1  # between two steps of the smoothing [s]; chosen: far below any drift
 
 
@@ -123,18 +127,25 @@ class RunFollower:
     seed
         Of the filter.
 
+    Attributes
+    ----------
+    rig
+        That rig, with a noise of each channel.
+    notes
+        Each channel whose noise was not stated, with what is taken: as its readings show, or, where they are
+        exact, what is assumed.
+
     Raises
     ------
     SettingsError
-        Where the rig states no noise for a channel, nothing is measured beside the drive, or the drive lacks
-        a value.
+        Where nothing is measured beside the drive, or the drive lacks a value.
     """
 
     def __init__(
         self, rig: Rig, route: MovingRoute, columns: RunColumns | MachineColumns, *, seed: int = 0
     ) -> None:
-        _check(rig, columns)
-        self._follower, self._route, self._columns = Follower(rig, seed=seed), route, columns
+        self.rig, self.notes = _with_noise(rig, columns)
+        self._follower, self._route, self._columns = Follower(self.rig, seed=seed), route, columns
         n = len(columns.time)
         self._ends, self._ends_se = np.full((n, 4), math.nan), np.full((n, 4), math.nan)
         self._histories = list[tuple[tuple[str, ...], NumberHistory]]()
@@ -242,24 +253,46 @@ def _reading(channel: Vector | None, row: int) -> float | None:
     return None if channel is None or math.isnan(channel[row]) else float(channel[row])
 
 
-def _check(rig: Rig, run: RunColumns | MachineColumns) -> None:
-    if isinstance(run, MachineColumns):
-        _check_machine(rig, run)
-        return
+def _with_noise(rig: Rig, run: RunColumns | MachineColumns) -> tuple[Rig, tuple[str, ...]]:
+    """Return the rig with a noise of each channel, and a note on each that it did not state."""
+    columns = _checked_machine(rig, run) if isinstance(run, MachineColumns) else _checked(run)
+    sensors, notes = dict(rig.sensors), list[str]()
+    for name, column in columns.items():
+        sensor = sensors.get(name, Sensor())
+        if noise_variance(sensor) > 0.0:
+            continue
+        there = np.isfinite(column)
+        displayed, assumed = reading_noise(column[there], run.time[there]), assumed_noise(name)
+        noise, how = (
+            (displayed, "as the readings show") if displayed > _EXACT * assumed else (assumed, "assumed")
+        )
+        sensors[name] = msgspec.structs.replace(sensor, noise=noise)
+        notes.append(f"sensors.{name}.noise is not stated: {noise:.2g} {name.rpartition('_')[2]}, {how}")
+    return msgspec.structs.replace(rig, sensors=sensors), tuple(notes)
+
+
+def _checked(run: RunColumns) -> dict[str, Vector]:
+    """Return what drives and what answers, by channel."""
     by_force = run.displacement_in is None
     drive, beside = ("tension_in_N", 1) if by_force else ("displacement_in_m", 0)
     columns = (run.tension_in, run.tension_out, run.elongation)
-    measured = [name for name, column in zip(CHANNELS, columns, strict=True) if column is not None][beside:]
+    measured = {
+        name: column
+        for name, column in list(zip(CHANNELS, columns, strict=True))[beside:]
+        if column is not None
+    }
     if not measured:
         raise SettingsError(
             f"the run has {drive} and no reading beside it: to follow a rig, add a column tension_in_N, "
             "tension_out_N or elongation_m that does not drive"
         )
-    _require_noise(rig, (drive, *measured))
-    _require_every_row(run.time, drive, run.tension_in if by_force else run.displacement_in)
+    driving = run.tension_in if by_force else run.displacement_in
+    _require_every_row(run.time, drive, driving)
+    return measured if driving is None else {drive: driving, **measured}
 
 
-def _check_machine(rig: Rig, run: MachineColumns) -> None:
+def _checked_machine(rig: Rig, run: MachineColumns) -> dict[str, Vector]:
+    """Return what drives and what answers, by channel."""
     count = tendon_count(rig.drive, rig.end)
     known = channels_read(rig)
     drives = drive_channels(drive_of(with_torque(run.channels, rig), count), count)
@@ -269,20 +302,11 @@ def _check_machine(rig: Rig, run: MachineColumns) -> None:
             f"the run has {', '.join(drives)} and no reading beside it: to follow a rig, add a channel that "
             "answers (docs/machines.md)"
         )
-    _require_noise(rig, [name for name in (*drives, *measured) if name in run.channels])
     for name in drives:
         _require_every_row(run.time, name, run.channels.get(name))
+    return {name: run.channels[name] for name in (*drives, *measured) if name in run.channels}
 
 
 def _require_every_row(time: Vector, drive: str, column: Vector | None) -> None:
     if column is not None and len(missing := np.flatnonzero(np.isnan(column))):
         raise SettingsError(f"{drive} has no value at time_s = {time[missing[0]]:g}: fill every row")
-
-
-def _require_noise(rig: Rig, channels: Sequence[str]) -> None:
-    for name in channels:
-        if noise_variance(rig.sensors.get(name)) == 0.0:
-            raise SettingsError(
-                f"the rig states no noise of {name}: to follow a rig, add [sensors.{name}] noise (standard "
-                "deviation of a reading)"
-            )
