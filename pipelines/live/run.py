@@ -291,13 +291,19 @@ def _statistics(
 ) -> tuple[Callable[[], None], Callable[[], None]]:
     """Return what prints the statistics once a second, and what prints them for the last time.
 
-    Once a frame has brought no drive, it says what is `assumed`.
+    Once a frame has brought no drive, it says what is `assumed`; once, that all frames are rejected.
     """
+    said_rejected = False
     status = StatusLine() if sys.stderr.isatty() and not stats else None
 
     def report() -> None:
-        if assumed and session.statistics.undriven:
+        nonlocal said_rejected
+        counted = session.statistics
+        if assumed and counted.undriven:
             session.report(assumed.pop())
+        if counted.rejected and not counted.answered and not said_rejected:
+            said_rejected = True
+            session.report(f"all frames so far ({counted.rejected}) are rejected: {counted.last_reason}")
         counts = {
             "dropped": session.mailbox.dropped,
             "unsent": sum(sink.unsent for sink in session.sinks),

@@ -272,7 +272,7 @@ class Session:
             self._refuse(rejected)
 
     def _refuse(self, rejected: Rejected) -> None:
-        self.statistics.rejected += 1
+        self.statistics.reject(rejected.reason)
         self._publish(answers.refusal(rejected))
 
     def _serve(self) -> None:

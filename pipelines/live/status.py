@@ -22,6 +22,8 @@ class Statistics:
 
     answered: int = 0
     rejected: int = 0
+    last_reason: str = ""
+    """Of the last frame that was rejected."""
     undriven: bool = False
     """Whether any frame brought neither a drive nor a target."""
     stale: bool = False
@@ -41,6 +43,11 @@ class Statistics:
         self.undriven = self.undriven or not drives_tendon(result.frame)
         if len(self.latencies) < _MOST_LATENCIES:
             self.latencies.append(latency_us)
+
+    def reject(self, reason: str) -> None:
+        """Count a rejected frame."""
+        self.rejected += 1
+        self.last_reason = reason
 
     def over_interval(self, counts: dict[str, int]) -> dict[str, Any]:
         """Return all statistics, with further counts, and begin the next interval."""

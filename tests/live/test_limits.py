@@ -97,12 +97,25 @@ def test_a_system_that_cannot_poll_is_refused_in_one_line(run, monkeypatch):
     assert "use Linux, macOS, or tssgeom.Engine" in outcome.errors[0]
 
 
-def test_a_stream_may_give_nothing():
+def run_alone(sink, given):
     program = "from pipelines.cli import main; main()"
-    command = [sys.executable, "-c", program, "live", "--source", "-", "--sink", "none"]
-    outcome = subprocess.run(command, input=frame(0.0), capture_output=True, timeout=60, check=True)
+    command = [sys.executable, "-c", program, "live", "--source", "-", "--sink", sink]
+    return subprocess.run(command, input=given, capture_output=True, timeout=60, check=True)
+
+
+def test_a_stream_may_give_nothing():
+    outcome = run_alone("none", frame(0.0))
     assert outcome.stdout == b""
     assert b"sink none" in outcome.stderr
+    assert b"rejected" not in outcome.stderr
+
+
+def test_a_stream_whose_frames_are_all_rejected_states_it_once_with_a_reason():
+    outcome = run_alone("-", b"".join(frame(time, unit="furlong") for time in (0.0, 1.0, 2.0)))
+    assert outcome.stdout.count(b"rejected") == 3
+    (line,) = (one for one in outcome.stderr.splitlines() if b"rejected" in one)
+    assert b"are rejected: " in line
+    assert b"furlong" in line
 
 
 @pytest.mark.parametrize(
