@@ -212,9 +212,9 @@ def test_curvature_angle_and_their_errors():
             route.noise, known, shared, 0.1, route.station, spline.joints,
         )  # fmt: skip
         close(profile, (kappa, phi, se, np.sqrt(variance)), 1e-9)
-        close(lengths_angles, (np.diff(route.s[cut]), np.diff(phi[cut])), 1e-9)
-        k = len(cut) - 1
-        share = np.diff(phi[cut]) / np.diff(phi[cut]).sum()
+        angle = pieces.angles(route.s, phi, cut)
+        close(lengths_angles, (np.diff(route.s[cut]), angle), 1e-9)
+        k, share = len(cut) - 1, angle / angle.sum()
         rest = max(variance[-1] - spread.sum(), 0.0)
         close(covariance[k:, k:], spread + rest * np.outer(share, share), 1e-8)
         longer = curvature._length_variance(route.s, route.curvature_vector, spline.covariance, spline.gain)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from tests.bristle.sheath import random_sheath, sensed
+from tests.known_routes import Cell, draw
 from tssgeom import clean, measure
 from tssgeom.route.finer_pieces import finer_pieces
 from tssgeom.route.pieces import Arcs
@@ -48,20 +49,18 @@ def test_finer_pieces_have_the_sums_of_the_pieces_and_the_covariance_of_these_su
     sums = sums_of(fine, whole)
     assert 40 <= len(fine.length) < 60
     np.testing.assert_allclose(sums @ fine.length, whole.length, rtol=1e-9)
-    np.testing.assert_allclose(sums @ fine.angle, whole.angle, rtol=1e-9)
+    at_joints = np.interp(np.append(whole.s_start, whole.total_length), fit.profile.s, fit.profile.phi)
+    np.testing.assert_allclose(sums @ fine.angle, np.diff(at_joints), rtol=1e-9)
     both = np.kron(np.eye(2), sums)
     np.testing.assert_allclose(both @ fine.covariance @ both.T, whole.covariance, rtol=1e-6, atol=1e-12)
     assert fine.total_angle_se == pytest.approx(whole.total_angle_se, rel=1e-6)
     assert np.linalg.eigvalsh(fine.covariance).min() > -1e-12
 
 
-def test_where_the_angle_lies_errs_by_what_finer_pieces_state_and_by_far_more_than_pieces_do():
-    pairs = [(scores(sheath, finer_pieces(fit)), scores(sheath, fit.arcs)) for sheath, fit in routes(2, 12)]
-    fine, whole = (np.concatenate(each) for each in zip(*pairs, strict=True))
+def test_where_the_angle_lies_errs_by_what_finer_pieces_state():
+    fine = np.concatenate([scores(sheath, finer_pieces(fit)) for sheath, fit in routes(2, 12)])
     assert 0.5 < np.sqrt(np.mean(fine**2)) < 1.3
     assert np.mean(np.abs(fine) < 1.96) > 0.9
-    assert np.mean(np.abs(whole) < 1.96) < 0.8
-    assert np.sqrt(np.mean(whole**2)) > 2.0
 
 
 def test_the_angle_is_nearer_to_the_true_one_at_any_arc_length():
@@ -72,7 +71,20 @@ def test_the_angle_is_nearer_to_the_true_one_at_any_arc_length():
         for way, arcs in enumerate((fit.arcs, finer_pieces(fit))):
             spread = angle_up_to(arcs, s) - true * arcs.total_angle / sheath.total_angle
             off[way] += np.mean(spread**2)
-    assert off[1] < 0.4 * off[0]
+    assert off[1] < 0.7 * off[0]
+
+
+def test_few_pieces_of_a_spiral_turn_where_it_turns_on_the_whole():
+    cell = Cell("smooth", "clothoid", 200, 1e-4)
+    off = []
+    for trial in range(3):
+        sight = draw(cell, trial)
+        fit = measure(clean(sight.points, sight.station), cell.noise)
+        arcs, profile = fit.arcs, fit.profile
+        assert len(arcs.length) < 6
+        within = angle_up_to(arcs, profile.s) - profile.phi
+        off.append(np.trapezoid(within, profile.s) / np.trapezoid(profile.phi, profile.s))
+    assert np.max(np.abs(off)) < 6e-3  # 0.02 where each joint has the angle of the route
 
 
 def test_a_chain_of_arcs_is_its_pieces():

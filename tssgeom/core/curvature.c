@@ -302,9 +302,9 @@ status tss_curvature_profile(
     }
     bridge(n, s, tangent, points, station, kappa, phi, variance);
     double rest = variance[n - 1], whole = 0.0;
+    angles_of_pieces(s, phi, count, joints, pieces[1], rectified);
     for (int64_t j = 0; j < count; j++) {
         pieces[0][j] = s[joints[j + 1]] - s[joints[j]];
-        pieces[1][j] = phi[joints[j + 1]] - phi[joints[j]];
         whole += pieces[1][j];
         for (int64_t k = 0; k < count; k++) {
             angles[j * stride + k] *= factor;

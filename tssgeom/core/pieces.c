@@ -124,6 +124,38 @@ int64_t pieces_of_curvature(
     return pieces;
 }
 
+/* Integrals of phi between two nodes with what rises from 0 to 1 there, and with what falls; phi is linear between
+   nodes. */
+static void with_ramps(const double s[], const double phi[], int64_t from, int64_t to, double *rising, double *falling) {
+    double rise = 0.0, whole = 0.0;
+    for (int64_t i = from; i < to; i++) {
+        double h = s[i + 1] - s[i], u = (s[i] - s[from]) / (s[to] - s[from]), v = (s[i + 1] - s[from]) / (s[to] - s[from]);
+        rise += h / 6.0 * (2.0 * (u * phi[i] + v * phi[i + 1]) + u * phi[i + 1] + v * phi[i]);
+        whole += 0.5 * h * (phi[i] + phi[i + 1]);
+    }
+    *rising = rise, *falling = whole - rise;
+}
+
+/* Angles of the pieces whose phi(s) is nearest to that of the route, with its ends; none is negative. Work holds twice
+   as many numbers as there are joints; docs/model.md (340). */
+void angles_of_pieces(
+    const double s[], const double phi[], int64_t count, const int64_t joints[], double angle[], double *work) {
+    double *ratio = work, *at = work + count + 1, rising, falling, next;
+    ratio[0] = 0.0, at[0] = phi[joints[0]], at[count] = phi[joints[count]];
+    with_ramps(s, phi, joints[0], joints[1], &rising, &falling);
+    for (int64_t j = 1; j < count; j++) {
+        double before = (s[joints[j]] - s[joints[j - 1]]) / 6.0, after = (s[joints[j + 1]] - s[joints[j]]) / 6.0;
+        with_ramps(s, phi, joints[j], joints[j + 1], &next, &falling);
+        double pivot = 2.0 * (before + after) - before * ratio[j - 1];
+        ratio[j] = after / pivot;
+        at[j] = (rising + falling - before * at[j - 1]) / pivot;
+        rising = next;
+    }
+    for (int64_t j = count - 1; j > 0; j--) at[j] -= ratio[j] * at[j + 1];
+    for (int64_t j = 1; j < count; j++) at[j] = least(most(at[j], at[j - 1]), at[count]);
+    for (int64_t j = 0; j < count; j++) angle[j] = at[j + 1] - at[j];
+}
+
 int64_t tss_joints(
     int64_t n, const double s[n], const double tangent[n][3], const double bend[n][3],
     const double covariance[n][10], double freedom, int64_t points, int64_t joints[n + 1], double work[20][n + 1]) {

@@ -6,6 +6,8 @@ void normals(const double tangent[3], double first[3], double second[3]);
 int64_t pieces_of_curvature(
     int64_t n, const double s[], const double tangent[][3], const double bend[][3], const double covariance[][10],
     double freedom, double points, int64_t joints[], double *work);
+void angles_of_pieces(
+    const double s[], const double phi[], int64_t count, const int64_t joints[], double angle[], double *work);
 double outlier_limit(int64_t count, double variance);
 double residual_variance(double known, double robust, double spacing);
 
@@ -30,7 +32,7 @@ ENTRY int64_t tss_joints(
     const double covariance[n][10], double freedom, int64_t points, OUT int64_t joints[n + 1],
     WORK double work[20][n + 1]);
 
-/** Curvature and accumulated angle of a fitted route, and its pieces, in one pass; (23) to (27).
+/** Curvature and accumulated angle of a fitted route, and its pieces, in one pass; (23) to (27), (340).
 
 Parameters: arc length, tangents and curvature vectors of the nodes; covariance of the state of (20) and gains;
 the effective number of parameters; noise [m]; whether stations are known; the relative error of all angles that

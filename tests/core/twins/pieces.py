@@ -120,3 +120,18 @@ def best_partition(value: np.ndarray, weight: np.ndarray, penalty: float) -> np.
     for k in range(runs, 0, -1):
         joints[k - 1] = begin[joints[k]]
     return joints
+
+
+def angles(s: np.ndarray, phi: np.ndarray, joints: np.ndarray) -> np.ndarray:
+    """Angles of the pieces between nodes whose φ(s) is nearest to that on the nodes; docs/model.md (340)."""
+    hats = np.array([np.interp(s, s[joints], row) for row in np.eye(len(joints))])
+    h = np.diff(s)
+    mass = (
+        np.diag(np.append(h, 0.0) / 3.0 + np.append(0.0, h) / 3.0)
+        + np.diag(h / 6.0, 1)
+        + np.diag(h / 6.0, -1)
+    )
+    ends = phi[joints] * np.isin(np.arange(len(joints)), (0, len(joints) - 1))
+    inner = hats[1:-1]
+    ends[1:-1] = np.linalg.solve(inner @ mass @ inner.T, inner @ mass @ (phi - ends @ hats))
+    return np.diff(np.minimum(np.maximum.accumulate(ends), ends[-1]))
