@@ -10,7 +10,7 @@ from tssgeom.route.bend_priors import cells, form_of, oscillations
 from tssgeom.route.curvature_priors import turned_between
 from tssgeom.route.geometry import measure
 from tssgeom.route.model_average import with_turned
-from tssgeom.route.observations import clean
+from tssgeom.route.observations import Shape, clean
 from tssgeom.route.route import STATIONS
 from tssgeom.route.route_fit import RouteFit, Turned
 from tssgeom.route.synthetic import Course, chain, half_circle, positions
@@ -81,16 +81,33 @@ def test_intervals_of_few_points_hold_the_turn_of_any_kind_of_route(n):
     assert abs(np.mean(np.clip(off, -5.0, 5.0))) < 0.3
 
 
+def directed(course: Course, n: int, noise: float, rng: np.random.Generator) -> Shape:
+    """Noisy points at even stations, and directions that err by 10 mrad."""
+    s = np.linspace(0.0, course.total_length, n)
+    after, before = (positions(course, np.clip(s + d, 0.0, course.total_length)) for d in (1e-5, -1e-5))
+    tangents = (after - before) / np.linalg.norm(after - before, axis=1, keepdims=True)
+    tangents += 0.01 * rng.standard_normal((n, 3))
+    return clean(sensed(course, n, noise, rng), directions=tangents, direction_noise=0.01)
+
+
+@pytest.mark.parametrize("n", [5, 6])
+def test_directions_say_that_a_smooth_route_does_not_wave_between_its_points(n):
+    """Points alone allow waves between them; with directions the error bar is near the error; (330)."""
+    rng, off, error = np.random.default_rng([n, 330]), list[float](), list[float]()
+    for _ in range(DRAWS):
+        course = clothoid(rng)
+        route = measure(directed(course, n, 2e-4, rng), 2e-4).arcs
+        off.append((route.total_angle - course.total_angle) / route.total_angle_se)
+        error.append(route.total_angle_se)
+    assert np.mean(np.abs(off) < 1.96) >= 0.9
+    assert np.median(error) < 0.1  # rad; 0.3 to 0.6 with the points alone
+
+
 def test_intervals_of_few_points_with_directions_hold_the_turn_too():
     rng, off = np.random.default_rng(43), list[float]()
     for kind, _ in product(KINDS, range(DRAWS)):
         course = kind(rng)
-        s = np.linspace(0.0, course.total_length, 6)
-        points = positions(course, s) + 2e-5 * rng.standard_normal((6, 3))
-        after, before = (positions(course, np.clip(s + d, 0.0, course.total_length)) for d in (1e-5, -1e-5))
-        tangents = (after - before) / np.linalg.norm(after - before, axis=1, keepdims=True)
-        tangents += 0.01 * rng.standard_normal((6, 3))
-        route = measure(clean(points, directions=tangents, direction_noise=0.01), 2e-5).arcs
+        route = measure(directed(course, 6, 2e-5, rng), 2e-5).arcs
         off.append((route.total_angle - course.total_angle) / route.total_angle_se)
     assert np.mean(np.abs(off) < 1.96) >= 0.9
 

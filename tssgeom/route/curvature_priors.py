@@ -17,6 +17,7 @@ import numpy as np
 from tssgeom.arrays import Matrix, Points, Vector, rows_at
 from tssgeom.route.bend_priors import Form, Prior, at_points, cells, form_of, oscillations, walk
 from tssgeom.route.bounds import polygon
+from tssgeom.route.direction_rows import DirectionRows, direction_rows
 from tssgeom.route.error_posterior import GRID
 from tssgeom.route.model_choice import log_sum
 from tssgeom.route.observations import NOISE_PRIOR, noise_price
@@ -49,14 +50,14 @@ class _Nodes(NamedTuple):
 
 
 class _Linear(NamedTuple):
-    """Where points lie across a route, as its curvature moves them."""
+    """Where points lie across a route, and directions point, as its curvature moves them."""
 
     across: Vector
-    """What lies across, by both normals at each point [2 n]."""
+    """What lies across, by both normals at each point, then at each direction [2 (n + k)]."""
     by_bend: np.ndarray
-    """What the curvature of each cell moves [2 n, cells, 2]."""
+    """What the curvature of each cell moves [2 (n + k), cells, 2]."""
     by_start: Matrix
-    """What position and direction of the first point move [2 n, 4]."""
+    """What position and direction of the first point move [2 (n + k), 4]."""
     station: Vector
     """Feet of the points [n]."""
 
@@ -85,28 +86,38 @@ class _Posterior(NamedTuple):
     """ln of evidence and prior for each intensity and noise."""
 
 
-def turned_between(points: Points, smooth: RouteFit, noise: float | None) -> tuple[Turned, ...]:
+def turned_between(
+    points: Points, smooth: RouteFit, noise: float | None, direction_noise: float = 0.0
+) -> tuple[Turned, ...]:
     """Return Φ and length of routes by points [n, 3] [m] beyond a smooth fit, by prior.
 
     The last prior is smooth, the one before it oscillates. The noise [m] is averaged over where it is not
-    known.
+    known. The directions that the fit used count with their noise [rad]; (330).
 
     Notes
     -----
-    Source: docs/model.md (229), (235) to (237).
+    Source: docs/model.md (229), (235) to (237), (330).
     """
     route, arcs = smooth.route, smooth.arcs
     used, unit = route.weight > 0.0, float(route.s[-1])
     noises, price = _noises(route, noise)
     with single_threaded():  # matrices are small
         curve, linear, turn = _followed(
-            points[used] / unit, route.station[used] / unit, _first(route), noises, price
+            points[used] / unit,
+            direction_rows(smooth, used, direction_noise),
+            route.station[used] / unit,
+            _first(route),
+            noises,
+            price,
         )
         rng = np.random.default_rng(0)
         waves = oscillations(int(np.count_nonzero(used)))
         priors = ((at_points(linear.station),), (walk(1, turn),), waves, (walk(2, turn),))
         every = [[_posterior(linear, one, noises, price) for one in alike] for alike in priors]
-        draws = [_turns(*_sampled(alike, noises, rng), linear.station, curve) for alike in every]
+        draws = [
+            _turns(*_sampled(alike, len(linear.station), noises, rng), linear.station, curve)
+            for alike in every
+        ]
     evidence = [log_sum(_log_evidence(alike).ravel()) for alike in every]
     draws[-2], share = _observed(draws[-2])
     evidence[-2] += math.log(share) if share > 0.0 else -math.inf
@@ -158,8 +169,8 @@ def _nodes(curve: _Curve) -> _Nodes:
     return _Nodes(np.linspace(0.0, curve.length, len(turned) + 1), position, axes)
 
 
-def _linearised(points: Points, station: Vector, curve: _Curve) -> _Linear:
-    """Linearise where points lie across a curve in its curvature and its start; (235)."""
+def _linearised(points: Points, tangents: DirectionRows | None, station: Vector, curve: _Curve) -> _Linear:
+    """Linearise where points lie across a curve, and directions point, in its curvature and start; (235)."""
     nodes, step = _nodes(curve), curve.length / len(curve.bend)
     at = rows_at(station, nodes.s, nodes.position)
     axes = rows_at(station, nodes.s, nodes.axes.reshape(-1, 9)).reshape(-1, 3, 3)
@@ -170,12 +181,21 @@ def _linearised(points: Points, station: Vector, curve: _Curve) -> _Linear:
     middle = 0.5 * (nodes.axes[1:] + nodes.axes[:-1])
     arm = at[:, None] - nodes.position[:-1] - 0.5 * before[..., None] * middle[:, :, 0]
     moved = _swung(arm, middle) * before[..., None, None]
-    by_bend = np.einsum("nie,ncij->necj", normals, moved).reshape(2 * len(points), -1, 2)
     swung = _swung(at - curve.start, curve.axes)
     start = np.concatenate((np.broadcast_to(curve.axes[:, 1:], swung.shape), swung), axis=2)
+    if tangents is not None:
+        row, unit, weight = tangents
+        normals = np.concatenate((normals, normals[row] * weight[:, None, None]))
+        off = np.concatenate((off, unit - tangent[row]))
+        turned = _swung(np.broadcast_to(tangent[row][:, None], (len(row), len(middle), 3)), middle)
+        moved = np.concatenate((moved, turned * before[row][..., None, None]))
+        tilted = _swung(tangent[row], curve.axes)
+        start = np.concatenate((start, np.concatenate((np.zeros_like(tilted), tilted), axis=2)))
+    by_bend = np.einsum("nie,ncij->necj", normals, moved).reshape(2 * len(off), -1, 2)
     across = np.einsum("nie,ni->ne", normals, off).ravel() + np.tensordot(by_bend, curve.bend, 2)
     by_start = np.einsum("nie,nij->nej", normals, start).reshape(-1, 4)
-    return _Linear(across, by_bend, by_start, station + np.einsum("ni,ni->n", off, tangent))
+    further = np.einsum("ni,ni->n", off[: len(points)], tangent)
+    return _Linear(across, by_bend, by_start, station + further)
 
 
 def _swung(arm: np.ndarray, axes: np.ndarray) -> np.ndarray:
@@ -186,14 +206,19 @@ def _swung(arm: np.ndarray, axes: np.ndarray) -> np.ndarray:
 
 
 def _followed(
-    points: Points, station: Vector, curve: _Curve, noises: Vector, price: Vector
+    points: Points,
+    tangents: DirectionRows | None,
+    station: Vector,
+    curve: _Curve,
+    noises: Vector,
+    price: Vector,
 ) -> tuple[_Curve, _Linear, float]:
     """Return the likeliest curve whose curvature is a random walk, where points lie, and what these turn."""
     turn, every = float(polygon(points, np.ones(len(points))).turn.sum()), []
     for _ in range(RATIO.passes):
         station = np.maximum.accumulate(station - station[0])
         curve = curve._replace(length=float(station[-1]))
-        linear = _linearised(points, station, curve)
+        linear = _linearised(points, tangents, station, curve)
         posterior = _posterior(linear, walk(1, turn), noises, price)
         every.append((float(posterior.log_evidence.max()), curve, linear._replace(station=station)))
         if len(every) > 1 and every[-1][0] < every[-2][0] + RATIO.converged:
@@ -266,13 +291,12 @@ def _log_evidence(alike: Sequence[_Posterior]) -> np.ndarray:
 
 
 def _sampled(
-    alike: Sequence[_Posterior], noises: Vector, rng: np.random.Generator
+    alike: Sequence[_Posterior], points: int, noises: Vector, rng: np.random.Generator
 ) -> tuple[np.ndarray, Form]:
     """Draws of curvature over posteriors, intensities and noises [cells, 2, draws], and the form of each."""
     log_evidence = _log_evidence(alike)
     probability = np.exp(log_evidence - log_sum(log_evidence.ravel()))
     count = rng.multinomial(GRID.draws, (probability / probability.sum()).ravel()).reshape(probability.shape)
-    points = 0.5 * len(alike[0].sensed) + 2.0
     every, form = list[np.ndarray](), list[Form]()
     for k, i, j in np.argwhere(count):
         one, intensity, noise = alike[k], float(_intensities()[i]), float(noises[j])

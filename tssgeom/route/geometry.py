@@ -168,7 +168,7 @@ def _measured(shape: Shape, noise: float | None, method: Method) -> RouteFit:
     spline = averaged(shape, noise, fit(shape, noise))
     smooth = with_few_points_variance(spline_fit(spline), shape)
     if are_few(shape.points) and not spline.shared_angle_error:
-        smooth = replace(smooth, turned=turned_between(shape.points, smooth, noise))
+        smooth = replace(smooth, turned=turned_between(shape.points, smooth, noise, shape.direction_noise))
     if method == "spline" or not chain_allowed(shape, spline):
         refuse_folded(spline.route)
         return averaged_over_models(smooth, smooth, [])

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tssgeom import core
-from tssgeom.arrays import Vector
+from tssgeom.arrays import Vector, rows_at
 from tssgeom.errors import FitError
 from tssgeom.route.arcs.chain import Chain, Data, fit_with_work, parameter_count, value_count
 from tssgeom.route.arcs.moves import work_of_promises
@@ -36,6 +36,7 @@ from tssgeom.route.model_choice import (
 from tssgeom.route.observations import are_few
 from tssgeom.route.pieces import Arcs
 from tssgeom.route.resolution import NO_ERRORS, SharedErrors
+from tssgeom.route.route import Route, step_lengths
 from tssgeom.route.route_fit import RouteFit, Turned
 from tssgeom.route.spline.spline import Spline
 from tssgeom.route.steps import at_once
@@ -181,7 +182,16 @@ def added_in_steps(
     about, known, length_about, length_known = _moments(fit.arcs)
     added = added_variance(probability, angle, own_angle, about, known)
     longer = added_variance(probability, length, own_length, length_about, length_known)
+    if smooth.turned and smooth.spline.memory.tangents is not None:
+        by_angle = (2.0 * _longer_than_chords(smooth.route)) ** 2 * (known + added) / max(about**2, 1e-24)
+        longer = max(longer, by_angle - length_known)
     return SharedErrors(added, longer, min(unresolved, added))
+
+
+def _longer_than_chords(route: Route) -> float:
+    """By how much a route is longer than the chords between the feet of its points [m]; (166)."""
+    feet = rows_at(route.station[route.weight > 0.0], route.s, route.position)
+    return max(float(route.s[-1] - step_lengths(feet).sum()), 0.0)
 
 
 def _moments(arcs: Arcs) -> tuple[float, float, float, float]:
