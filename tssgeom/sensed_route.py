@@ -11,9 +11,11 @@ from tssgeom.frame import Frame, fit_frame, with_shared_errors_of
 from tssgeom.rig import Rig
 from tssgeom.route.observations import Shape
 from tssgeom.route.resolution import SharedErrors
-from tssgeom.route.route_fit import LOST, RouteFit
+from tssgeom.route.route_fit import LITTLE, LOST, RouteFit
 from tssgeom.route.time_filter import PointFilter
 from tssgeom.route.tracking import NotWarmError, TrackedFit
+
+_UNSURE = 0.2  # standard error of Φ over Φ below which that is known well enough [1]; chosen
 
 
 class SensedRoute(NamedTuple):
@@ -57,4 +59,19 @@ def sensed_route(
 
 def _sensed(frame: Frame, rig: Rig, last: TrackedFit | None, points: PointFilter | None) -> SensedRoute:
     shape, tracked = fit_frame(frame, rig, last, points)
-    return SensedRoute(shape, tracked, *with_shared_errors_of(frame, rig, tracked))
+    fit, shared = with_shared_errors_of(frame, rig, tracked)
+    return SensedRoute(
+        shape, tracked, _with_little_known(fit, frame, beside_route=bool(rig.shape.marker_offset_mm)), shared
+    )
+
+
+def _with_little_known(fit: RouteFit, frame: Frame, *, beside_route: bool) -> RouteFit:
+    """Return a fit with a warning where it shows little of Φ; that of base and tip alone says so already."""
+    arcs = fit.arcs
+    if arcs.method == "tip" or arcs.total_angle_se <= max(LITTLE, _UNSURE * arcs.total_angle):
+        return fit
+    few = f"Φ is hardly known, its standard error is {math.degrees(arcs.total_angle_se):.0f}°: sense more "
+    if frame.curvatures is not None:
+        return fit.warned(f"{few}gratings, or state curvature_noise_per_m")
+    beside = "" if beside_route else ", and marker_offset_mm where markers sit beside the route"
+    return fit.warned(f"{few}points, or directions; state noise_mm{beside}")

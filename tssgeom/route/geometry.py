@@ -34,7 +34,7 @@ from tssgeom.route.model_choice import (
     search_variance,
 )
 from tssgeom.route.observations import Shape, are_few, on_chords, order_warnings, outlier_warnings
-from tssgeom.route.order import order_warning
+from tssgeom.route.order import order_warning, with_order_warning
 from tssgeom.route.pieces import Arcs, smooth_geometry
 from tssgeom.route.plane import noise_of_plane
 from tssgeom.route.ratio_average import averaged
@@ -115,8 +115,7 @@ def measure(shape: Shape, noise: float | None = None, method: Method = "auto") -
     if across is not None:
         with suppress(FitError):
             fit = _fitted(shape, across, method)
-    unordered = order_warning(shape.points) if shape.stations is None else None
-    return fit if unordered is None else fit.warned(unordered)
+    return with_order_warning(fit, shape)
 
 
 def _fitted(shape: Shape, noise: float | None, method: Method) -> RouteFit:
@@ -129,7 +128,7 @@ def _fitted(shape: Shape, noise: float | None, method: Method) -> RouteFit:
     try:
         fit = checked(_measured(on_chords(shape), noise, method), shape).warned(_FROM_CHORDS)
     except FitError as error:
-        unordered = order_warning(shape.points)
+        unordered = order_warning(shape.points, shape.index, is_uncertain=True)
         if unordered is None:
             raise
         raise FitError(f"{error} ({unordered})") from error

@@ -18,6 +18,7 @@ from tssgeom.route.outliers import raw_outliers
 from tssgeom.route.route import arcs_over_chords, station_warnings, step_lengths
 
 MIN_POINTS = 4
+BACK = "back along the route"  # in the warning of points that lie behind those before them
 
 
 @dataclass(frozen=True, slots=True)
@@ -335,4 +336,5 @@ def order_warnings(shape: Shape, weight: Vector, stations: Vector, noise: float)
     if not len(behind):
         return ()
     named = listed(shape.index[behind].astype(int))
-    return (f"{len(behind)} points run back along the route {named}: check for points out of order",)
+    some = "1 point runs" if len(behind) == 1 else f"{len(behind)} points run"
+    return (f"{some} {BACK} {named}: check for points out of order",)

@@ -39,6 +39,9 @@ class AgreementLimits:
 
 
 AGREEMENT = AgreementLimits()
+LITTLE = math.radians(
+    45.0
+)  # s.e. of Φ from which it is hardly known: 11 % of T_out with the paper's μ; chosen
 LOST = 2.0 * math.pi  # standard error of Φ from which a frame is no start for the next [rad]; chosen: a turn
 
 

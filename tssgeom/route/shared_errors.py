@@ -39,6 +39,9 @@ class SmoothedPrior:
     decades: float = 6.0
     """Decades below a sensor's typical noise in which theirs lies, each as likely [1]. Chosen: what is
     stored of a millimetre has up to six digits."""
+    worth_a_word: float = 0.5
+    """What it adds to the standard error of Φ over that error, from which on it is named [1]. Chosen: the
+    error is an eighth more."""
 
 
 SMOOTHED = SmoothedPrior()
@@ -179,10 +182,11 @@ def with_hidden_errors(fit: RouteFit, shape: Shape, noise: float | None) -> tupl
         shared = share * math.hypot(hidden, known.angle, angle * (1.0 - known.angle_share))
         errors = ErrorPosterior(1.0, shared, share * known.length)
         why = "the route has many short bends" if bends else "the points have less noise than sensors"
-        fit = fit.warned(
-            f"{why}, as if smoothed by a program: ± Φ holds {math.degrees(shared):.2g}° for errors that "
-            "neighbours share: state [shape] source"
-        )
+        if shared > SMOOTHED.worth_a_word * fit.arcs.total_angle_se:
+            fit = fit.warned(
+                f"{why}, as if smoothed by a program: ± Φ holds {math.degrees(shared):.2g}° for errors that "
+                "neighbours share: state [shape] source"
+            )
     else:
         errors = possible_errors(fit.route, size, probability)
     measured = shape.length is not None or shape.stations is not None

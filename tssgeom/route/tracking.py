@@ -30,6 +30,7 @@ from tssgeom.route.geometry import (
 )
 from tssgeom.route.model_check import SCHEDULE, ModelCheck, TrackedFit, model_checked
 from tssgeom.route.observations import Shape
+from tssgeom.route.order import with_order_warning
 from tssgeom.route.route_fit import RouteFit
 from tssgeom.route.spline.spline import Spline
 from tssgeom.route.spline.warm import warm
@@ -68,9 +69,9 @@ def follow(shape: Shape, noise: float | None, last: TrackedFit | None, method: M
         tracked = _follow_chain(shape, noise, last, last.fit.chain, method)
     elif last is not None:
         tracked = _follow_spline(shape, noise, last, method)
-    if tracked is not None:
+    if last is not None and tracked is not None:
         with suppress(FitError):  # a route that leaps may be lost, and fitted again from nothing
-            fit = checked(tracked.fit, shape)
+            fit = with_order_warning(checked(tracked.fit, shape), shape, last.fit)
             return tracked if fit is tracked.fit else replace(tracked, fit=fit)
     if last is not None and last.warm_only:
         raise NotWarmError
