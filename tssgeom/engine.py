@@ -16,7 +16,7 @@ from tssgeom.rig import Rig
 from tssgeom.route.time_filter import PointFilter
 from tssgeom.route.tracking import NotWarmError, TrackedFit, model_checked
 from tssgeom.sensed_route import SensedRoute, sensed_route
-from tssgeom.smoothed_frames import along_the_route, smoothed_in_time, smoothed_in_windows
+from tssgeom.smoothed_frames import along_the_route, smoothed_at_once, smoothed_in_windows
 from tssgeom.stream import Carried, FrameResult, Rejected, at_rest, drives_tendon, held, pulled
 from tssgeom.tendon.commander import Commander
 from tssgeom.tendon.state import TendonState
@@ -336,13 +336,12 @@ def alone(
     """
     rest = at_rest(rig)
     last: TrackedFit | None = None
-    frames = list(along_the_route(frames, rig))
-    points, watch = smoothed_in_time(frames, rig), FrameWatch()
-    for seq, frame in enumerate(frames, first):
+    watch, every = FrameWatch(), smoothed_at_once(list(along_the_route(frames, rig)), rig)
+    for seq, (frame, points) in enumerate(every, first):
         if isinstance(frame, Rejected):
             yield replace(frame, seq=seq)
             continue
-        sensed = _attempt(seq, frame, sensed_route, frame, rig, last, points.get(seq - first))
+        sensed = _attempt(seq, frame, sensed_route, frame, rig, last, points)
         result = _pulled(seq, frame, rest, rig, tension_in, sensed, commander)
         if isinstance(result, FrameResult):
             last, result = result.tracked, _watched(result, watch, rig)

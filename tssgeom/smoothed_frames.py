@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from itertools import islice
 from typing import NamedTuple, TypeVar
 
@@ -15,6 +16,7 @@ from tssgeom.frame import Frame, fit_frame, in_order, with_rows
 from tssgeom.rig import Rig
 from tssgeom.route.fibre.models import stretches
 from tssgeom.route.observations import MIN_POINTS
+from tssgeom.route.outlying_lengths import outlying_lengths
 from tssgeom.route.time_filter import PointFilter
 from tssgeom.route.time_smoother import smoothed
 
@@ -87,6 +89,28 @@ def _in_order(frame: _T | Frame, now: PointFilter | None) -> _T | Frame:
     return with_rows(frame, now.order)
 
 
+def smoothed_at_once(frames: Sequence[_T], rig: Rig) -> list[tuple[_T | Frame, PointFilter | None]]:
+    """Return recorded frames with the filters of their points, where these go on."""
+    known = smoothed_in_time(frames, rig)
+    return [(frame, known.get(i)) for i, frame in enumerate(_with_outlying_lengths(frames, known))]
+
+
+def _with_outlying_lengths(frames: Sequence[_T], known: Mapping[int, PointFilter]) -> list[_T | Frame]:
+    """Return recorded frames, with a warning where one is not as long as those before and after it; (331)."""
+    points = {
+        i: frame.points
+        for i, each in enumerate(frames)
+        if isinstance(frame := _in_order(each, known.get(i)), Frame) and frame.curvatures is None
+    }
+    said = outlying_lengths(points)
+    return [
+        replace(frame, warnings=(*frame.warnings, said[i]))
+        if i in said and isinstance(frame, Frame)
+        else frame
+        for i, frame in enumerate(frames)
+    ]
+
+
 def smoothed_in_windows(frames: Iterable[_T], rig: Rig) -> Iterator[tuple[_T | Frame, PointFilter | None]]:
     """Yield frames with the filters of their points, where these go on."""
     rest = along_the_route(frames, rig)
@@ -96,9 +120,9 @@ def smoothed_in_windows(frames: Iterable[_T], rig: Rig) -> Iterator[tuple[_T | F
     before, block = list[_T | Frame](), first + list(islice(rest, count))
     while block:
         after = list(islice(rest, count))
-        known = smoothed_in_time((*before, *block, *after[: _WINDOW.overlap]), rig)
-        for i, frame in enumerate(block, len(before)):
-            yield frame, known.get(i)
-        latest = list(enumerate((*before, *block)))[-_WINDOW.overlap :]
-        before = [_in_order(frame, known.get(i)) for i, frame in latest]
+        every = (*before, *block, *after[: _WINDOW.overlap])
+        known = smoothed_at_once(every, rig)[: len(before) + len(block)]
+        yield from known[len(before) :]
+        latest = zip((*before, *block), known, strict=True)
+        before = [_in_order(frame, now) for frame, (_, now) in latest][-_WINDOW.overlap :]
         block = after

@@ -134,6 +134,16 @@ def test_a_recording_is_summarised_by_its_last_good_frame_and_by_ranges(analysis
     assert reported["warnings"][1].endswith("(1 of 3 frames)")
 
 
+def test_warnings_that_differ_in_their_quantities_alone_are_one(analysis):
+    counts = analysis.summary.warnings
+    counts.clear()
+    counts.update({"off by 1.5 mm (point 3)": 1, "off by 2e-3 mm (point 3)": 2, "off by 2 mm (point 4)": 1})
+    assert analysis.warnings[1:] == [
+        "off by 2e-3 mm (point 3) (3 of 3 frames, quantities differ)",
+        "off by 2 mm (point 4) (1 of 3 frames)",
+    ]
+
+
 def test_the_summary_has_the_frame_at_the_last_peak_of_tension(analysis):
     row = summary_row(analysis)
     assert (row["time_s"], row["tension_in_N"]) == (0.5, pytest.approx(15))

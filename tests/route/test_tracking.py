@@ -2,6 +2,7 @@
 
 import json
 import pickle
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,9 +14,10 @@ from tssgeom import core
 from tssgeom.core.constants_arcs import CHAIN_MOVES
 from tssgeom.route.arcs.chain import work_of_evaluation
 from tssgeom.route.geometry import measure
+from tssgeom.route.model_check import TrackedFit
 from tssgeom.route.observations import clean
 from tssgeom.route.synthetic import Course, chain
-from tssgeom.route.tracking import follow, model_checked
+from tssgeom.route.tracking import NotWarmError, follow, model_checked
 
 NOISE = 5e-4
 LENGTH = np.array([0.07, 0.09, 0.05, 0.08, 0.06, 0.10, 0.05])
@@ -304,3 +306,16 @@ def test_few_points_that_move_keep_the_noise_of_the_last_fit():
         off.append((arcs.total_angle - 2 * turn) / arcs.total_angle_se)
     assert new <= 4
     assert np.mean(np.abs(off) < 1.96) >= 0.9
+
+
+def test_few_points_that_went_over_to_a_spline_are_fitted_from_nothing():
+    """What they allow between them was averaged when the route was another one, as straight as it began."""
+    rng, bent = np.random.default_rng(5), chain(np.array([0.1, 0.1]), np.array([20.0, 8.0]), 0.5)
+    straight = clean(_points(chain(np.array([0.2]), np.array([0.1])), 20, rng))
+    begun = TrackedFit.of(measure(straight, None, "spline"), straight.index)
+    shape = clean(_points(bent, 20, rng))
+    anew = measure(shape).arcs
+    now = follow(shape, None, replace(begun, is_stale=True)).fit.arcs
+    assert (now.total_angle, now.total_angle_se) == (anew.total_angle, anew.total_angle_se)
+    with pytest.raises(NotWarmError):
+        follow(shape, None, replace(begun, is_stale=True, warm_only=True))

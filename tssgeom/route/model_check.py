@@ -117,6 +117,9 @@ class TrackedFit:
     errors: ErrorPosterior = NO_POSTERIOR
     """What errors that neighbouring points share mean for the fit."""
 
+    is_stale: bool = False
+    """Whether few points went over to a spline whose errors are those of the route when they were fitted."""
+
     @property
     def has_noise_of_time(self) -> bool:
         """Whether few points were taken for a sharper route than their noise in time leaves; (272)."""
@@ -252,7 +255,8 @@ def _taken_over(taken: TrackedFit, now: TrackedFit) -> TrackedFit:
     """Go on with the other estimator, unless it is the one that is tracked by now."""
     if (taken.fit.chain is None) == (now.fit.chain is None):
         return now
-    return replace(taken, marker_axis=now.marker_axis, filtered=now.filtered)
+    is_stale = taken.fit.chain is None and are_few(taken.fit.weight)
+    return replace(taken, marker_axis=now.marker_axis, filtered=now.filtered, is_stale=is_stale)
 
 
 def _not_taken_over(

@@ -65,7 +65,9 @@ def follow(shape: Shape, noise: float | None, last: TrackedFit | None, method: M
     """
     tracked = None
     last = None if last is None else model_checked(last)
-    if last is not None and last.fit.chain is not None:
+    if last is not None and last.is_stale:
+        pass  # what few points allow between them was averaged over another route
+    elif last is not None and last.fit.chain is not None:
         tracked = _follow_chain(shape, noise, last, last.fit.chain, method)
     elif last is not None:
         tracked = _follow_spline(shape, noise, last, method)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -53,12 +54,26 @@ class Analysis:
         return [*self.notes, *_shortened(self.summary.warnings, self.summary.used)]
 
 
+_QUANTITY = re.compile(r"\d[\d.]*(?:e[+-]?\d+)?(?= ?(?:mm|°|m|N|s|%)(?!\w))")  # a number with its unit
+
+
 def _shortened(counts: Counter[str], frames: int) -> list[str]:
-    """Return the warnings with the number of frames they apply to; of many, the most frequent."""
+    """Return the warnings with the number of frames they apply to; of many, the most frequent.
+
+    Those that differ in their quantities alone are one, with those of the most frequent.
+    """
     if frames == 1:
         return list(counts)
-    frequent = [f"{text} ({count} of {frames} frames)" for text, count in counts.most_common(_MOST_WARNINGS)]
-    more = len(counts) - len(frequent)
+    groups = dict[str, list[tuple[str, int]]]()
+    for text, count in counts.most_common():
+        groups.setdefault(_QUANTITY.sub("#", text), []).append((text, count))
+    alike = [(group[0][0], sum(n for _, n in group), len(group) > 1) for group in groups.values()]
+    alike.sort(key=lambda one: -one[1])
+    frequent = [
+        f"{text} ({count} of {frames} frames{', quantities differ' * differ})"
+        for text, count, differ in alike[:_MOST_WARNINGS]
+    ]
+    more = len(alike) - len(frequent)
     return [*frequent, f"{more} other warning{'s' * (more > 1)}"] if more > 0 else frequent
 
 
