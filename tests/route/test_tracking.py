@@ -308,7 +308,7 @@ def test_few_points_that_move_keep_the_noise_of_the_last_fit():
     assert np.mean(np.abs(off) < 1.96) >= 0.9
 
 
-def test_few_points_that_went_over_to_a_spline_are_fitted_from_nothing():
+def test_few_points_that_went_over_to_another_estimator_are_fitted_from_nothing():
     """What they allow between them was averaged when the route was another one, as straight as it began."""
     rng, bent = np.random.default_rng(5), chain(np.array([0.1, 0.1]), np.array([20.0, 8.0]), 0.5)
     straight = clean(_points(chain(np.array([0.2]), np.array([0.1])), 20, rng))

@@ -118,7 +118,7 @@ class TrackedFit:
     """What errors that neighbouring points share mean for the fit."""
 
     is_stale: bool = False
-    """Whether few points went over to a spline whose errors are those of the route when they were fitted."""
+    """Whether few points went over to another estimator, whose errors are those of the route as it was."""
 
     @property
     def has_noise_of_time(self) -> bool:
@@ -255,7 +255,7 @@ def _taken_over(taken: TrackedFit, now: TrackedFit) -> TrackedFit:
     """Go on with the other estimator, unless it is the one that is tracked by now."""
     if (taken.fit.chain is None) == (now.fit.chain is None):
         return now
-    is_stale = taken.fit.chain is None and are_few(taken.fit.weight)
+    is_stale = are_few(taken.fit.weight)
     return replace(taken, marker_axis=now.marker_axis, filtered=now.filtered, is_stale=is_stale)
 
 
