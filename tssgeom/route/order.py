@@ -27,8 +27,8 @@ class OrderLimits:
     slightly_shorter: float = 1.02
     """The same where a fit has a warning or shows little of Φ [1]. Measured: 95 % of neighbours that were
     exchanged have at least 1.05, 90 % of routes at most 1.02."""
-    most_exchanged: int = 4
-    """Points that are named as exchanged [1]. Chosen; of more the order is given."""
+    most_exchanged: int = 2
+    """Points that are named as exchanged [1]. Chosen: of more it is not clear which goes where."""
     most_sorted: int = 1000
     """Points that are put in order. Chosen: by the memory of their distances."""
 
@@ -126,8 +126,7 @@ def _described(path: np.ndarray, index: np.ndarray) -> str:
     """Name what a path exchanges, or else its first points: "with points 3 and 4 exchanged"."""
     moved = np.flatnonzero(path != np.arange(len(path)))
     if 0 < len(moved) <= LIMITS.most_exchanged:
-        *some, last = map(str, index[moved])
-        return f"with points {', '.join(some)} and {last} exchanged"
+        return f"with points {' and '.join(map(str, index[moved]))} exchanged"
     listed = index[path]
     return f"in the order {' '.join(map(str, listed if len(path) <= 12 else (*listed[:3], '…')))}"
 

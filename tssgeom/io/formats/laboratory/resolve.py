@@ -94,8 +94,9 @@ def _headed(path: Path, table: RawTable, said: Mapping[str, Mapped], given_unit:
     first = f"{table.number_name} {table.number[0] if len(table.number) else 1}"
     raise ShapeError(
         f"{path}: {first} holds numbers, no header: {EXPECTED}; or name each column by its number: "
-        '--map "1=time_s" --map "2=tension_in_N"; three columns of points need only --unit mm|m|cm|in|…, '
-        "points side by side a header such as S1_x_mm,S1_y_mm,S1_z_mm,S2_x_mm"
+        '--map "1=time_s" --map "2=tension_in_N"; x, y, z in a row, of a point or of four and more in turn, '
+        "need only --unit mm|m|cm|in|…, other points side by side a header such as "
+        "S1_x_mm,S1_y_mm,S1_z_mm,S2_x_mm"
     )
 
 

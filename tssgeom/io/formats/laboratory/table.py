@@ -19,6 +19,7 @@ from tssgeom.io.formats.laboratory.names import stamp_part
 from tssgeom.io.formats.laboratory.raw import RawTable
 from tssgeom.io.formats.laboratory.resolve import marker_numbers, resolved
 from tssgeom.io.formats.laboratory.units import Unit
+from tssgeom.io.formats.laboratory.unnamed import with_names_of_points
 from tssgeom.io.formats.laboratory.wide import (
     FEWEST_POINTS,
     with_components,
@@ -115,7 +116,8 @@ def _tables(
     file: Path, said: tuple[tuple[str, Mapped], ...], unit: str | None
 ) -> list[tuple[RawTable, Resolved]]:
     stated = dict(said)
-    timed = [with_time_of_stamps(table, stated) for table in raw_tables(file)]
+    named = [with_names_of_points(table, stated, unit) for table in raw_tables(file)]
+    timed = [with_time_of_stamps(table, stated) for table in named]
     tools = [with_points_of_tools(with_components(table, stated), stated) for table in timed]
     tables = [with_row_a_point(file, table, stated, unit) for table in tools]
     every = [(table, resolved(file, table, stated, unit)) for table in tables]
