@@ -27,6 +27,15 @@ def without_none(value: Any) -> Any:
     return {key: without_none(item) for key, item in kept if item not in (None, {}, ())} if kept else value
 
 
+def _values_of(kind: Any) -> list[str]:
+    """Return the values that a type lists, also as one of several."""
+    return [
+        value
+        for one in get_args(kind)
+        for value in (_values_of(one) if get_args(one) else [one] if isinstance(one, str) else [])
+    ]
+
+
 def with_choices(reported: str, like: msgspec.Struct) -> str:
     """Return what msgspec reports of a file, and the nearest key or value of a struct of its form."""
     wrong = r"(?:Object contains unknown field `(\w+)`|Invalid enum value '(.*)')(?:.*`\$\.?(.*)`)?"
@@ -39,7 +48,7 @@ def with_choices(reported: str, like: msgspec.Struct) -> str:
         types = {
             each.name: each.type for each in msgspec.structs.fields(functools.reduce(getattr, steps, like))
         }
-        choices = list(map(str, get_args(types[last]) if match[2] else types))
+        choices = _values_of(types[last]) if match[2] else list(types)
     except (AttributeError, KeyError, TypeError):  # in a list, or in a table of the user's own names
         return reported
     near = difflib.get_close_matches(match[1] or match[2], choices, 1)

@@ -128,6 +128,8 @@ def test_wrong_usage_is_one_line_and_status_2(run, arguments, expected):
         ("[end]\nradius_mm = 8", "at `$.end`; did you mean radius_m?"),
         ("[frction]\ncoefficient = 0.1", "did you mean friction?"),
         ('[drive]\nkind = "pairs"', "at `$.drive.kind`; did you mean pair?"),
+        ('[shape]\nsource = "centerline"', "at `$.shape.source`; did you mean centreline?"),
+        ('[shape]\nsource = "optical"', "there are markers, em, fbg, centreline, smoothed"),
         ('[friction]\ncoeficient = "unknown"', "did you mean friction.coefficient?"),
         ("[sensors.tension_in_N]\nnoize = 1", "unknown field `noize`"),
     ],

@@ -9,7 +9,7 @@ from tssgeom import Frame, FrameResult, Rig, analyse, process
 from tssgeom.engine import alone, recorded
 from tssgeom.errors import FitError, ShapeError
 from tssgeom.rig import ShapeSensor
-from tssgeom.route.order import along_the_shortest_path, order_warning, shortest_path
+from tssgeom.route.order import along_the_shortest_path, order_warning, shortest_path, there_and_back
 from tssgeom.route.synthetic import colon, positions
 
 SHORTEST = Rig(shape=ShapeSensor(order="shortest"))
@@ -80,6 +80,15 @@ def test_what_is_out_of_order_names_the_hint():
         analyse(points)
     with pytest.raises(ShapeError, match=r"\[shape\] order = 'shortest'"):
         analyse(sensed(60)[np.random.default_rng(0).permutation(60)])
+
+
+def test_points_that_go_there_and_back_are_no_route_and_the_two_ways_are_lines_of_one():
+    there = sensed(60)
+    said = analyse(np.concatenate((there, sensed(60, 1)[::-1]))).warnings
+    assert any("run along one route there and back: give either way" in text for text in said)
+    turn = np.linspace(0.0, 2.0 * np.pi, 80)
+    assert there_and_back(np.column_stack((np.cos(turn), np.sin(turn), 0.0 * turn))) is None
+    assert there_and_back(there) is None
 
 
 def test_too_many_points_are_refused():

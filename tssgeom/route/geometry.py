@@ -34,7 +34,7 @@ from tssgeom.route.model_choice import (
     search_variance,
 )
 from tssgeom.route.observations import Shape, are_few, on_chords, order_warnings, outlier_warnings
-from tssgeom.route.order import order_warning, with_order_warning
+from tssgeom.route.order import order_warning, there_and_back, with_order_warning
 from tssgeom.route.pieces import Arcs, smooth_geometry
 from tssgeom.route.plane import noise_of_plane
 from tssgeom.route.ratio_average import averaged
@@ -128,7 +128,8 @@ def _fitted(shape: Shape, noise: float | None, method: Method) -> RouteFit:
     try:
         fit = checked(_measured(on_chords(shape), noise, method), shape).warned(_FROM_CHORDS)
     except FitError as error:
-        unordered = order_warning(shape.points, shape.index, is_uncertain=True)
+        unordered = there_and_back(shape.points)
+        unordered = unordered or order_warning(shape.points, shape.index, is_uncertain=True)
         if unordered is None:
             raise
         raise FitError(f"{error} ({unordered})") from error

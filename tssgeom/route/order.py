@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tssgeom.arrays import Matrix, Points, Vector
+from tssgeom.arrays import Matrix, Points, Vector, rows_at
 from tssgeom.core.constants_route import POINTS
 from tssgeom.errors import FitError, ShapeError
 from tssgeom.route.observations import BACK, Shape
@@ -24,9 +24,12 @@ class OrderLimits:
     far_shorter: float = 2.0
     """The same, from which on the points are refused [1]. Chosen: of 540 routes of 5 to 40 points in order
     only helices of more than two turns on a few points reach it, which no fit gets right."""
-    slightly_shorter: float = 1.02
+    slightly_shorter: float = 1.04
     """The same where a fit has a warning or shows little of Φ [1]. Measured: 95 % of neighbours that were
     exchanged have at least 1.05, 90 % of routes at most 1.02."""
+    apart: float = 0.05
+    """Median distance of the way there from the way back, over the length of one, up to which points go there
+    and back [1]. Chosen: a scan of one vessel keeps it, and a loop does not."""
     most_exchanged: int = 2
     """Points that are named as exchanged [1]. Chosen: of more it is not clear which goes where."""
     most_sorted: int = 1000
@@ -34,6 +37,7 @@ class OrderLimits:
 
 
 LIMITS = OrderLimits()
+_COMPARED = 41  # places of both ways; numerical
 _PATH = "the path through the points is"
 
 
@@ -111,6 +115,8 @@ def order_warning(points: Points, index: Vector | None = None, *, is_uncertain: 
 def with_order_warning(fit: RouteFit, shape: Shape, before: RouteFit | None = None) -> RouteFit:
     """Return a fit with `order_warning`; one that goes on from `before` where that has it, or runs back.
 
+    A new fit may have that of `there_and_back` instead.
+
     Raises FitError where the points are far out of order.
     """
     is_due = before is None or any(text.startswith(_PATH) for text in before.warnings)
@@ -118,8 +124,19 @@ def with_order_warning(fit: RouteFit, shape: Shape, before: RouteFit | None = No
     if shape.stations is not None or not is_due:
         return fit
     is_uncertain = len(fit.warnings) > 0 or fit.arcs.total_angle_se > LITTLE
-    text = order_warning(shape.points, shape.index, is_uncertain=is_uncertain)
+    text = there_and_back(shape.points) if before is None else None
+    text = text or order_warning(shape.points, shape.index, is_uncertain=is_uncertain)
     return fit if text is None else fit.warned(text)
+
+
+def there_and_back(points: Points) -> str | None:
+    """Say that points [n, 3] [m] run along one route there and back, or return None."""
+    at = np.concatenate(([0.0], np.cumsum(step_lengths(points))))
+    share = np.linspace(0.0, 0.5, _COMPARED)
+    there, back = (rows_at(way * at[-1], at, points) for way in (share, 1.0 - share))
+    if float(np.median(np.linalg.norm(there - back, axis=1))) > LIMITS.apart * 0.5 * at[-1]:
+        return None
+    return "the points run along one route there and back: give either way as a shape to analyse --same"
 
 
 def _described(path: np.ndarray, index: np.ndarray) -> str:
