@@ -37,7 +37,7 @@ class OrderLimits:
 
 
 LIMITS = OrderLimits()
-_COMPARED = 41  # places of both ways; numerical
+_COMPARED = 41  # points of both ways; numerical
 _PATH = "the path through the points is"
 
 
