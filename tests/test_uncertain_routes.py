@@ -39,6 +39,19 @@ def test_a_stream_that_is_out_of_order_says_so_in_each_frame():
     assert sum(isinstance(one, FrameResult) for one in results) > 20
 
 
+@pytest.mark.parametrize("first", [3, 7])
+def test_a_stream_that_begins_exchanged_has_a_warning_until_it_is_put_right(first):
+    """The last two as well, which a route may pass in a hairpin."""
+    mixed = [*range(first), first + 1, first, *range(first + 2, 9)]
+    order = [mixed if k < 20 else range(9) for k in range(30)]
+    frames = [Frame(sensed(9, 5e-4, k)[list(order[k])], 0.02 * k) for k in range(30)]
+    results = list(process(frames, Rig(), tension_in=10.0))
+    assert all(isinstance(one, Rejected) or one.warnings for one in results[:21])
+    last = results[-1]
+    assert isinstance(last, FrameResult)
+    assert last.warnings == ()
+
+
 def test_a_stream_far_out_of_order_is_refused():
     mixed = [4, 2, 3, 7, 6, 1, 5, 8, 0]
     frames = [Frame(sensed(9, 2e-4, k)[mixed], 0.02 * k) for k in range(10)]

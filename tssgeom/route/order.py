@@ -1,7 +1,8 @@
-"""The order of markers along a route, where a tracker gives them in one of its own: the shortest path."""
+"""The order of markers that a tracker gives in one of its own: the shortest path; docs/model.md (332)."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,6 +28,9 @@ class OrderLimits:
     slightly_shorter: float = 1.04
     """The same where a fit has a warning or shows little of Φ [1]. Measured: 95 % of neighbours that were
     exchanged have at least 1.05, 90 % of routes at most 1.02."""
+    sharpest: float = 2.0
+    """Turn from chord to chord from which on two points may be exchanged [rad]. Chosen: a bend that turns so
+    far from point to point is one that they do not determine."""
     apart: float = 0.05
     """Median distance of the way there from the way back, over the length of one, up to which points go there
     and back [1]. Chosen: a scan of one vessel keeps it, and a loop does not."""
@@ -113,20 +117,33 @@ def order_warning(points: Points, index: Vector | None = None, *, is_uncertain: 
 
 
 def with_order_warning(fit: RouteFit, shape: Shape, before: RouteFit | None = None) -> RouteFit:
-    """Return a fit with `order_warning`; one that goes on from `before` where that has it, or runs back.
+    """Return a fit with `order_warning`; one that goes on from `before` where that has it, or turns back.
 
-    A new fit may have that of `there_and_back` instead.
+    A new fit may have the warning of `there_and_back` instead.
 
     Raises FitError where the points are far out of order.
     """
-    is_due = before is None or any(text.startswith(_PATH) for text in before.warnings)
-    is_due = is_due or any(BACK in text for text in fit.warnings)
-    if shape.stations is not None or not is_due:
+    if shape.stations is not None:
         return fit
-    is_uncertain = len(fit.warnings) > 0 or fit.arcs.total_angle_se > LITTLE
+    turns_back = _turns_back(shape.points) or any(BACK in text for text in fit.warnings)
+    had_it = before is None or any(text.startswith(_PATH) for text in before.warnings)
+    if not (had_it or turns_back):
+        return fit
+    is_uncertain = turns_back or len(fit.warnings) > 0 or fit.arcs.total_angle_se > LITTLE
     text = there_and_back(shape.points) if before is None else None
     text = text or order_warning(shape.points, shape.index, is_uncertain=is_uncertain)
     return fit if text is None else fit.warned(text)
+
+
+def _turns_back(points: Points) -> bool:
+    """Whether few points [n, 3] turn so sharply from chord to chord as exchanged ones do."""
+    if len(points) > POINTS.few:
+        return False
+    chord = np.diff(points, axis=0)
+    along = np.einsum("ij,ij->i", chord[1:], chord[:-1])
+    square = np.einsum("ij,ij->i", chord, chord)
+    sharpest = math.cos(LIMITS.sharpest)
+    return bool((along < sharpest * np.sqrt(square[1:] * square[:-1])).any())
 
 
 def there_and_back(points: Points) -> str | None:
