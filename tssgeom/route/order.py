@@ -153,7 +153,7 @@ def there_and_back(points: Points) -> str | None:
     there, back = (rows_at(way * at[-1], at, points) for way in (share, 1.0 - share))
     if float(np.median(np.linalg.norm(there - back, axis=1))) > LIMITS.apart * 0.5 * at[-1]:
         return None
-    return "the points run along one route there and back: give either way as a shape to analyse --same"
+    return "the points run there and back: give either way as a shape to analyse --same if it is one route"
 
 
 def _described(path: np.ndarray, index: np.ndarray) -> str:
