@@ -272,6 +272,8 @@ def test_readings_that_no_rig_has_are_named():
     pair = Engine(rig(), tension_in=15.0)
     result = pair.push(Frame(POINTS, 0.0, of_machine={"motor_angle_rad": 0.1, "bending_x_rad": 0.0}))
     assert any("bending_x_rad is not used" in each for each in result.warnings)
+    result = pair.push(Frame(POINTS, 0.5, of_machine={"motor_angle_rad": 0.1, "motor_current_A": 0.2}))
+    assert any("give drive.torque_constant_Nm_per_A" in each for each in result.warnings)
     rejected = pair.push(Frame(POINTS, 1.0, displacement_target=0.001))
     assert "joint_angle_target_rad" in rejected.reason
 

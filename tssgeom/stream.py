@@ -25,6 +25,7 @@ from tssgeom.tendon.command import Command
 from tssgeom.tendon.command_error import Step, with_rig_errors
 from tssgeom.tendon.commander import Commander, Given, commander_of
 from tssgeom.tendon.machine_commander import Moved, machine_commander_of
+from tssgeom.tendon.machine_simulation import current_notes
 from tssgeom.tendon.machine_stream import (
     JOINT_TARGET,
     CarriedMachine,
@@ -282,7 +283,8 @@ def _readings(frame: Frame, rig: Rig) -> tuple[dict[str, float], tuple[str, ...]
             raise SettingsError(f"{name} is {value:g}: give a finite value, or leave it out")
     known = {*channels_of(rig), "motor_current_A", "elongation_m", JOINT_TARGET}
     unknown = sorted(given.keys() - known)
-    return given, tuple(f"{name} is not used: the rig has no such channel" for name in unknown)
+    notes = (f"{name} is not used: the rig has no such channel" for name in unknown)
+    return given, (*notes, *current_notes(given, rig))
 
 
 def drives_tendon(frame: Frame) -> bool:

@@ -20,6 +20,7 @@ from benchmarks.real_sets import (
     without_jumps,
 )
 from benchmarks.run_laws import LAWS, mean_cycle_error
+from benchmarks.run_machines import predictions
 
 needs_tool = pytest.mark.skipif(not TOOL.is_dir(), reason="needs the torques of the cable-driven instrument")
 needs_robots = pytest.mark.skipif(not ROBOTS.is_dir(), reason="needs the tendon robots")
@@ -70,6 +71,15 @@ def stop_fit(case, stop):
     values = {each.name: each.value for each in stop.parameters}
     error = rms(case, "friction_force_N", stop, case.held_out)
     return values["stiffness"] * INCH / KIP, values["force"] / KIP, error / KIP
+
+
+@needs_tool
+def test_a_fit_begins_where_the_whole_run_has_an_equilibrium():
+    """The best start of few samples of this run is one where the whole run has none."""
+    case = tool_cases(quick=True)[0]
+    made = predictions(case)
+    assert made is not None
+    assert rms(case, "tension_out_N", made["tension_out_N"], case.held_out) < 0.12  # the best peer has 0.089
 
 
 @needs_band

@@ -33,3 +33,12 @@ def test_noise_of_a_channel_is_no_less_than_the_rig_states():
     assert noise(smooth, resolution=1e-3) == pytest.approx(1e-3 / np.sqrt(12.0))
     read = smooth + 5e-3 * np.random.default_rng(0).standard_normal(len(TIME))
     assert noise(read, noise=2e-3) == pytest.approx(5e-3, rel=0.2)
+
+
+@pytest.mark.parametrize(("constant", "named"), [(0.0, True), (0.03, False)])
+def test_a_current_of_a_motor_whose_torque_constant_is_not_known_is_named(constant, named):
+    columns = {"time_s": TIME, "motor_angle_rad": 0.5 * np.sin(TIME), "joint_angle_rad": 0.4 * np.sin(TIME)}
+    known = with_values(rig(), {"drive.torque_constant_Nm_per_A": constant})
+    run = machine_run("run", {**columns, "motor_current_A": np.cos(TIME)}, ROUTE, known)
+    assert any("drive.torque_constant_Nm_per_A" in note for note in run.notes) == named
+    assert ("motor_torque_Nm" in run.measured) != named

@@ -268,3 +268,37 @@ def test_friction_of_a_joint_that_is_moved_is_a_torque_against_its_motion():
         torque.append(simulate(machine, motion, end_given=True)["joint_torque_Nm"])
     against = 0.02 * np.sign(np.diff(angle))
     np.testing.assert_allclose((torque[0] - torque[1])[1:], against, atol=1e-9)
+
+
+def hanging(pretension, stiffness, gravity, at_rest, motor):
+    """Angles of a joint with a weight where its only tendon is slack, and the torque that is left there."""
+    end = End(
+        kind="joint",
+        radius_m=0.007,
+        stiffness_Nm_per_rad=stiffness,
+        gravity_Nm=gravity,
+        gravity_at_rad=at_rest,
+    )
+    hardware = Rig(tendon=Tendon(pretension_N=pretension), drive=Drive(radius_m=R), end=end)
+    out = run(hardware, [HALF_CIRCLE], motor_angle_rad=motor)
+    angle = out["joint_angle_rad"][out["tension_out_N"] == 0.0]
+    weight = gravity * (np.sin(angle + at_rest) - np.sin(at_rest))
+    return angle, stiffness * angle + weight + 0.007 * pretension
+
+
+@pytest.mark.parametrize("pretension", np.linspace(2.0, 8.0, 25))
+def test_a_joint_whose_only_tendon_is_slack_hangs_from_its_spring_and_its_weight(pretension):
+    angle, left = hanging(pretension, 0.06, 0.03, 0.8, np.linspace(0.0, -1.5, 40))
+    assert len(angle) > 5
+    np.testing.assert_allclose(left, 0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_weight_that_its_spring_does_not_hold_turns_over(seed):
+    """Between both rests the force grows with the angle: no step by its slope gets there."""
+    rng = np.random.default_rng(seed)
+    pretension, at_rest = rng.uniform((0.5, -1.0), (4.0, 1.0))
+    motor = -rng.uniform(4.0, 5.0) * np.sin(0.1 * np.arange(30))
+    angle, left = hanging(pretension, 0.006, 0.03, at_rest, motor)
+    assert len(angle) > 5
+    np.testing.assert_allclose(left, 0.0, atol=1e-9)

@@ -32,6 +32,9 @@ class SolverTolerances(NamedTuple):
     trials: int = 80
     """Most trials in a search for one number, and passes over curved laws before a step is given up [1];
     derived: bisection alone would need some 60."""
+    reach: float = 0.05
+    """First step to where the force on a joint that turns over is the other way, then twice as far [rad];
+    chosen: below the angle between the two rests of such a joint; (335)."""
     full_passes: int = 15
     """Passes that go all the way, the others half of it [1]; chosen."""
     speeds: float = 1e-5

@@ -88,14 +88,15 @@ static int try_tendon(const sample *it, int64_t i, const double z[], end_forces 
 /* Forces that are left on the coordinates [m], and their derivatives [m][m]; docs/model.md (173). */
 static int try_all(const sample *it, const double z[], double left[], double slope[], double *scale) {
     int64_t m = it->m;
+    *scale = 1e-9;
     for (int64_t a = 0; a < m; a++) {
-        double turn = z[a] + it->gravity[2 * a + 1];
-        left[a] = -it->at_rest[a] - it->load[a] - it->slides - it->stiffness[a] * z[a]
-                  - it->gravity[2 * a] * (sin(turn) - sin(it->gravity[2 * a + 1]));
+        double turn = z[a] + it->gravity[2 * a + 1], spring = it->stiffness[a] * z[a];
+        double weight = it->gravity[2 * a] * (sin(turn) - sin(it->gravity[2 * a + 1]));
+        left[a] = -it->at_rest[a] - it->load[a] - it->slides - spring - weight;
+        *scale = most(*scale, fabs(it->at_rest[a]) + fabs(spring) + fabs(weight)); /* where all tendons are slack */
         for (int64_t b = 0; b < m; b++)
             slope[a * m + b] = a == b ? -it->stiffness[a] - it->gravity[2 * a] * cos(turn) : 0.0;
     }
-    *scale = 1e-9;
     for (int64_t i = 0; i < it->n; i++) {
         end_forces f;
         if (!try_tendon(it, i, z, &f)) return 0;
@@ -168,7 +169,8 @@ static int along(
 static int solve_at_speeds(const sample *it, double z[]) {
     int64_t m = it->m;
     double left[MOST], slope[MOST * MOST], step[MOST] = {0.0}, next[MOST], held[MOST], scale;
-    double low = -INFINITY, high = INFINITY; /* of one coordinate: its force falls as it grows */
+    double low = -INFINITY, high = INFINITY; /* of one coordinate: its force is above 0, and below */
+    double reach = SOLVER.reach;
     if (!try_all(it, z, left, slope, &scale)) return 0;
     sample moving = *it;
     if (it->friction > 0.0) { /* one coordinate; docs/model.md (195) */
@@ -191,7 +193,10 @@ static int solve_at_speeds(const sample *it, double z[]) {
         }
         next[0] = z[0] + step[0];
         if (step[0] == 0.0) next[0] = z[0] + (worst > 0.0 && low >= z[0] ? 1.0 : -1.0);
-        if (!(low < next[0] && next[0] < high)) next[0] = 0.5 * (low + high);
+        if (!(low < next[0] && next[0] < high)) { /* a weight turns over; docs/model.md (335) */
+            next[0] = low > -INFINITY && high < INFINITY ? 0.5 * (low + high) : z[0] + copysign(reach, left[0]);
+            reach *= 2.0;
+        }
         if (!isfinite(next[0]) || !try_all(it, next, left, slope, &scale)) return 0;
         if (next[0] == z[0]) break;
         z[0] = next[0];

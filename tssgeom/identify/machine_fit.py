@@ -50,7 +50,9 @@ def start_of(problem: Problem) -> Vector:
         raise FitError("the machine has no equilibrium at the numbers of the rig: check units and radii")
     inflation = np.ones(len(rows))
     states = [fit_round(short, u, weight, inflation, FIT.start_steps) for u in nearest]
-    return min(states, key=lambda state: state.objective).u
+    best = sorted(states, key=lambda state: state.objective)
+    possible = (state.u for state in best if problem.model(state.u) is not None)
+    return next(possible, best[0].u)  # few samples of a run may have an equilibrium where all have none
 
 
 def _bend_starts(problem: Problem) -> Iterator[Vector]:

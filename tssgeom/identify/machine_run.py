@@ -34,6 +34,7 @@ from tssgeom.route.pieces import Arcs
 from tssgeom.statistics import digit_noise, reading_noise, turns
 from tssgeom.tendon.machine_history import DriveName
 from tssgeom.tendon.machine_simulation import (
+    current_notes,
     drive_channels,
     drive_of,
     with_torque,
@@ -174,7 +175,7 @@ def machine_run(
     }
     run = MachineRun(
         *(name, given, answers, held_out, tuple(routes), drive, end_given, count, noisy, noise),
-        notes=(*notes, *signs),
+        notes=(*notes, *current_notes(columns, rig), *signs),
     )
     run = with_drive_known(run, rig.drive.lag_s)
     return _with_turns_between(run, *pulls.values()) if len(pulls) == 1 else run

@@ -5,7 +5,7 @@ Source: docs/model.md (171)-(178).
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -65,6 +65,14 @@ def with_torque(run: Mapping[str, Vector], rig: Rig) -> Mapping[str, Vector]:
     if constant == 0.0 or "motor_current_A" not in run or "motor_torque_Nm" in run:
         return run
     return {**run, "motor_torque_Nm": constant * run["motor_current_A"]}
+
+
+def current_notes(channels: Container[str], rig: Rig) -> tuple[str, ...]:
+    """Return that a current is not used where there is one that no torque follows from."""
+    unused = "motor_current_A" in channels and "motor_torque_Nm" not in channels
+    if not unused or rig.drive.torque_constant_Nm_per_A > 0.0:
+        return ()
+    return ("motor_current_A is not used: give drive.torque_constant_Nm_per_A",)
 
 
 class MachineRun(NamedTuple):
