@@ -142,6 +142,10 @@ def with_unknown_angle(settings: RunSettings, *, sensed: bool) -> RunSettings:
     """Return the settings with a route whose angle is unknown, of 1 m unless a length is given or sensed."""
     key, route = "route.angle_rad", settings.rig.route
     given = any(each.key == key for each in settings.uncertain)
+    if not sensed and not route.length_m:
+        print_message(
+            "the route's length is not given: it counts as 1 m, and compliance is that of all the sheath"
+        )
     added = () if given else (Uncertain(key, UNKNOWNS[key], stated=False),)
     angle = route.angle_rad if given else UNKNOWNS[key].centre
     route = changed(route, angle_rad=angle, length_m=route.length_m or (None if sensed else 1.0))

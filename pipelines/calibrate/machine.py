@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from pipelines import tssgeom_version
 from pipelines.calibrate.report import (
+    bounds_text,
     channel_object,
     estimate_object,
     estimate_title,
@@ -117,6 +118,8 @@ def _provenance(paths: Sequence[Path], shapes: Sequence[Path], fitted: MachineCa
 def _sentence(each: MachineEstimate) -> str:
     if not each.identified:
         assumed = f"not identified; assumed {each.assumed[0]:.4g} to {each.assumed[1]:.4g} {each.unit}"
+        if beyond := bounds_text(each):
+            assumed = assumed.replace(";", f", {beyond};")
         return assumed.removesuffix(" 1")
     return f"{each.value:.6g} {each.unit} [{each.low:.6g}, {each.high:.6g}]".replace(" 1 [", " [")
 
@@ -133,7 +136,7 @@ def _print(paths: Sequence[Path], out: Path | None, fitted: MachineCalibration) 
         held = (
             [f"{each.value:.5g}", f"{each.low:.5g} to {each.high:.5g}"]
             if each.identified
-            else ["not identified", ""]
+            else ["not identified", bounds_text(each)]
         )
         rows.append([estimate_title(each), *held, each.unit, assumed])
     notes = (

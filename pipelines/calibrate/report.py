@@ -97,8 +97,17 @@ def estimate_object(each: MachineEstimate) -> MachineEstimateOf:
         "unit": each.unit,
         "observable": each.identified,
         "assumed95": list(each.assumed),
+        "bounds": list(each.bounds),
         "key": each.key or None,
     }
+
+
+def bounds_text(each: MachineEstimate) -> str:
+    """Return what a number that is not identified is beyond; empty where it may be what was assumed."""
+    least, most = each.bounds
+    if least is not None:
+        return f"above {least:.4g}"
+    return "" if most is None else f"below {most:.4g}"
 
 
 def estimate_title(each: MachineEstimate) -> str:

@@ -20,6 +20,14 @@ def calibration(*others, fitted=1.0):
     )
 
 
+def test_a_number_that_is_not_identified_has_a_bound_where_its_interval_leaves_out_what_was_assumed():
+    vague = replace(FRICTION, identified=False, middle=0.1)
+    assert replace(vague, low=0.12, high=4.0).bounds == (0.12, None)
+    assert replace(vague, low=0.001, high=0.05).bounds == (None, 0.05)
+    assert replace(vague, low=0.05, high=4.0).bounds == (None, None)
+    assert replace(FRICTION, low=0.12, high=0.2, middle=0.1).bounds == (None, None)  # it is identified
+
+
 def test_a_number_at_its_bound_and_a_channel_that_is_not_finite_fail_the_test_of_a_fit():
     bound = MachineEstimate(
         "end.radius_m", "m", 1.0, 0.9, 1.1, True, (0.0, 1.0), "end.radius_m", at_bound=True

@@ -180,8 +180,14 @@ def test_the_angle_of_a_route_that_nobody_sensed_follows_from_a_run(run, tmp_pat
         *("calibrate", str(file), "--angle-from-run", "--rig", str(_plain(tmp_path))),
         *("--out", str(tmp_path / "rig_out.toml"), "--json"),
     )
-    low, high = json.loads(done.out)["friction_angle"]["ci95"]
+    product = json.loads(done.out)["friction_angle"]
+    low, high = product["ci95"]
     assert low <= 0.145 * 2.5 <= high
+    assert math.prod(product["assumed95"]) == pytest.approx(
+        (0.145 * 3.0) ** 2
+    )  # as the rig and the page have it
+    assert product["bounds"] == [None, None]
+    assert any("counts as 1 m" in each for each in done.errors)
     assert math.log(high / low) < 0.1
 
 

@@ -46,6 +46,15 @@ class MachineEstimate:
     """Where it stands in the rig; empty for a number of one run."""
     at_bound: bool = False
     """Whether a number of the rig went as far from what was assumed as a fit goes."""
+    middle: float = math.nan
+    """What was assumed: the middle of `assumed`."""
+
+    @property
+    def bounds(self) -> tuple[float | None, float | None]:
+        """What it is at least and at most, where it is not identified but beyond what was assumed; (336)."""
+        if self.identified:
+            return None, None
+        return self.low if self.low > self.middle else None, self.high if self.high < self.middle else None
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -151,9 +160,8 @@ def _estimates(problem: Problem, posterior: Posterior) -> Iterator[MachineEstima
         prior = (each.value(-NORMAL_95), each.value(NORMAL_95))
         key = each.key if each.kind == "rig" else ""
         bound = bool(key) and abs(u[j]) >= CHANCE.rare
-        yield MachineEstimate(
-            each.name, each.unit, value, low, high, is_identified(sd), prior, key, at_bound=bound
-        )
+        known, middle = is_identified(sd), each.value(0.0)
+        yield MachineEstimate(each.name, each.unit, value, low, high, known, prior, key, bound, middle)
 
 
 def _bends(problem: Problem, posterior: Posterior) -> Iterator[MachineEstimate]:
@@ -190,10 +198,12 @@ def _friction_angle(problem: Problem, posterior: Posterior) -> MachineEstimate:
     rig = with_values(problem.rig, {key: value for (kind, key), value in values.items() if kind == "rig"})
     route = problem.runs[0].routes[0].scaled(angle=values.get(first, 1.0))
     value = rig.friction.coefficient * routed(route, rig).total_angle
+    middle = value * math.exp(-float(share @ u))
     (sd, *ends), before = posterior.of(share), float(np.linalg.norm(share))
     low, high = (value * math.exp(end - float(share @ u)) for end in ends)
-    assumed = (value * math.exp(-NORMAL_95 * before), value * math.exp(NORMAL_95 * before))
-    return MachineEstimate("μΦ", "1", value, low, high, is_identified(sd, before), assumed)
+    assumed = (middle * math.exp(-NORMAL_95 * before), middle * math.exp(NORMAL_95 * before))
+    known = is_identified(sd, before)
+    return MachineEstimate("μΦ", "1", value, low, high, known, assumed, middle=middle)
 
 
 def _ties(problem: Problem, posterior: Posterior) -> Iterator[str]:
