@@ -6,6 +6,7 @@ What it needs is imported when it runs, so that `--help` is quick.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -73,10 +74,11 @@ def compensate(
     from tssgeom.io.formats.columns import CHANNELS
     from tssgeom.io.results.tables import commands_table, write_table
     from tssgeom.tendon import simulation
-    from tssgeom.tendon.commander import commander_of
+    from tssgeom.tendon.commander import commander_of, on_a_spring
 
     choose(style)
     settings = run_settings(rig, None, unit, columns=columns, takes_machines=True)
+    settings = replace(settings, rig=on_a_spring(settings.rig))
     tolerance = None if tolerance_mm is None else 1e-3 * tolerance_mm
     with outputs(out, TABLE):
         if settings.rig.is_machine:

@@ -7,7 +7,7 @@ import pytest
 from msgspec.structs import replace as changed
 
 from tssgeom.effects import HiddenBend, SheathClearance
-from tssgeom.errors import SettingsError
+from tssgeom.errors import FitError, SettingsError
 from tssgeom.mechanism import Drive, End, tip
 from tssgeom.rig import Friction, Rig, Sensor, Tendon
 from tssgeom.route.pieces import Arcs
@@ -268,6 +268,12 @@ def test_friction_of_a_joint_that_is_moved_is_a_torque_against_its_motion():
         torque.append(simulate(machine, motion, end_given=True)["joint_torque_Nm"])
     against = 0.02 * np.sign(np.diff(angle))
     np.testing.assert_allclose((torque[0] - torque[1])[1:], against, atol=1e-9)
+
+
+def test_a_tension_that_does_not_hold_a_weight_is_named():
+    hardware = Rig(tendon=Tendon(pretension_N=5.0), end=End(kind="weight"))
+    with pytest.raises(FitError, match=r"hold the weight of 5 N"):
+        run(hardware, [HALF_CIRCLE], tension_in_N=[15.0])
 
 
 def hanging(pretension, stiffness, gravity, at_rest, motor):

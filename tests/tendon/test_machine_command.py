@@ -7,8 +7,10 @@ import pytest
 from msgspec.structs import replace as changed
 
 from tests.tendon.test_machine import HALF_CIRCLE, rig
+from tssgeom import compensate
 from tssgeom.errors import SettingsError
 from tssgeom.mechanism import Drive, End
+from tssgeom.rig import Rig, Tendon
 from tssgeom.tendon.machine import machine_of
 from tssgeom.tendon.machine_command import command_machine
 from tssgeom.tendon.machine_simulation import simulate_machine
@@ -53,3 +55,25 @@ def test_what_has_no_motor_or_no_joint_is_refused():
     with pytest.raises(SettingsError, match="a joint follows"):
         command_machine(machine, np.arange(2.0), np.zeros(2))
     assert math.isclose(machine.routes[0].total_angle, math.pi)
+
+
+@pytest.mark.parametrize(
+    ("kind", "channel", "target", "miss"),
+    [
+        ("weight", "displacement_out_m", 2e-3 * np.sin(TIME) + 1e-3 * (1.0 - np.cos(TIME / 2)), 1e-6),
+        ("blocked", "tension_out_N", 6.0 + 2.0 * np.sin(TIME), 5e-3),  # bars differ by as much; (337)
+    ],
+)
+def test_one_tendon_with_a_weight_or_blocked_goes_where_it_is_wanted(kind, channel, target, miss):
+    hardware = Rig(tendon=Tendon(pretension_N=5.0), end=End(kind=kind))
+    commands = compensate(HALF_CIRCLE, {"time_s": TIME, channel: target}, hardware)
+    moved = commands.to_pandas()["displacement_in_m"].to_numpy()
+    done = simulate_machine(machine_of(hardware, [HALF_CIRCLE]), {"time_s": TIME, "displacement_in_m": moved})
+    np.testing.assert_allclose(done[channel], target, atol=miss)
+
+
+def test_an_end_without_commands_is_named():
+    segment = End(kind="segment", radius_m=0.004, tendon_angles_deg=(0.0, 120.0, 240.0))
+    hardware = Rig(drive=Drive(kind="tendons"), end=segment)
+    with pytest.raises(SettingsError, match=r"end\.kind = 'segment'"):
+        compensate(HALF_CIRCLE, {"time_s": TIME, "bending_x_rad": 0.1 * TIME}, hardware)

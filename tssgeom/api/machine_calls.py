@@ -100,6 +100,11 @@ def commanded_machine(
     FitError
         Where the machine has no equilibrium.
     """
+    if rig.end.kind != "joint":
+        raise SettingsError(
+            "commands are for one tendon, or a motor that turns a joint: "
+            f"of end.kind = {rig.end.kind!r} with drive.kind = {rig.drive.kind!r} there are none"
+        )
     if TARGET not in run.columns:
         raise SettingsError(f"{run.path}: no column {TARGET}: a joint follows the angle in it; add one")
     columns = _complete(run)

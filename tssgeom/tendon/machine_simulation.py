@@ -219,7 +219,13 @@ def _marched(about: Simulation, *, profile: bool) -> MachineRun:
     done, trace, after = carry_on(about.acts, profile=profile)
     if done < len(trace.coordinate):
         at = about.run["time_s"][done]
-        raise FitError(f"there is no equilibrium of the machine at {at:g} s: thin the run less")
+        hint, rig = "thin the run less", about.acts.machine.rig
+        if about.before.drive == "tension_in" and rig.end.kind == "weight":
+            weight = rig.tendon.pretension_N
+            hint = (
+                f"T_in has to hold the weight of {weight:g} N, or give --tension-in as large, or a position"
+            )
+        raise FitError(f"there is no equilibrium of the machine at {at:g} s: {hint}")
     return _finished(about, trace, after)
 
 

@@ -58,7 +58,7 @@ class MachineEstimateOf(EstimateOf):
     assumed95: list[float]
     """95 % interval that was assumed before the fit, in `unit`."""
     bounds: list[float | None]
-    """What it is at least and at most with 97.5 % each, in `unit`, where it is not identified but is beyond the
+    """What it is at least and at most with 97.5 % each, in `unit`, where it is not identified but beyond the
     middle of what was assumed; else null."""
     key: str | None
     """Key of the rig file; null where it has none."""
