@@ -13,6 +13,7 @@ from tssgeom.adapt.followed import FollowedNumber, straight_lines
 from tssgeom.adapt.members import SETTINGS, Rows, Standing
 from tssgeom.adapt.readings import CHANNELS, Moment, Readings, mean_and_sd
 from tssgeom.adapt.stepped import Stepped
+from tssgeom.adapt.tendon_sensors import TendonSensors
 from tssgeom.adapt.trailed_drive import TrailedDrive
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.core.constants_tendon import BAR
@@ -21,6 +22,7 @@ from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.bars.contact_grid import bends_of, edges
 from tssgeom.tendon.bars.model import BARS, begin, model_of, setup_of
 from tssgeom.tendon.bars.plant import Memory
+from tssgeom.tendon.bars.sensors import check_drive
 
 DRIVES = ("displacement_in_m", "tension_in_N")
 """What may drive: a position, or else the tension."""
@@ -46,12 +48,14 @@ class RigFilter(Ensemble):
         seed: int = 0,
     ) -> None:
         self.count, self.edge = 1, edges(arcs, BARS)
+        self._setup = setup_of(rig)
+        self.sensors = TendonSensors(self._setup, [one.key for one in numbers])
         super().__init__(rig, numbers, arcs, CHANNELS, DRIVES, seed)
         self.drives = DRIVES[:1]
         rest = begin(model_of(setup_of(rig), arcs, "displacement_in_m", self.edge)).memory
         count = len(self.members)
-        none = np.empty((count, 0))
-        self.stand(Standing(np.tile(rest.block, (count, 1)), none, none, np.zeros(count), False, math.nan))
+        none, sensed = np.empty((count, 0)), np.full((count, self.sensors.columns), np.nan)
+        self.stand(Standing(np.tile(rest.block, (count, 1)), none, sensed, np.zeros(count), False, math.nan))
 
     def go_on(self, memory: Memory, position: float) -> None:
         """Let all members stand where a tendon stands, whose drive is at a position [m]."""
@@ -84,6 +88,7 @@ class RigFilter(Ensemble):
         if "displacement_in_m" in self.muted:
             readings = readings._replace(displacement_in=None)
         by_force = readings.by_force
+        check_drive(self._setup, "tension_in_N" if by_force else "displacement_in_m")
         self.drives = (DRIVES[by_force],)
         if by_force != self.now.by_force and not math.isnan(self.time):
             self.kept = self.now.copied()
@@ -127,7 +132,11 @@ class RigFilter(Ensemble):
             at.warmth,
         )
         self._require_all(done, rows, "tendon")
-        standing = Standing(memory, start.coordinate, start.block, ends[:, 2], by_force, at.time)
+        block = start.block
+        if self.sensors.columns:
+            kept = (self.members[rows], start.block[rows])
+            predicted, block = self.sensors.read(*kept, predicted, ends[:, 3], passed)
+        standing = Standing(memory, start.coordinate, block, ends[:, 2], by_force, at.time)
         return Stepped(standing, predicted, ends)
 
     def _gains(self) -> Vector:

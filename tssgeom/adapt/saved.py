@@ -164,7 +164,7 @@ def filter_object(saved: SavedFilter) -> dict[str, Any]:
     else:
         values["kept_time"] = saved.kept.time
         values["path"] = None if saved.path is None else _path_object(saved.path)
-    names = _standing_names(saved.drive)
+    names = _standing_names(saved.drive, saved.now)
     for standing in ("now", "kept"):
         values[standing] = {name: getattr(values[standing], name) for name in names}
     written = {name: plain(value) for name, value in values.items()}
@@ -180,9 +180,11 @@ def _path_object(path: DrivePath) -> dict[str, Any]:
     return {**path.plain(), "start": start, "time": path.start.time}
 
 
-def _standing_names(drive: DriveName | None) -> tuple[str, ...]:
-    """Return which fields of where members stand are saved."""
-    return ("memory", "position", "by_force", "time") if drive is None else _STANDING_OF_MACHINE
+def _standing_names(drive: DriveName | None, at: Standing) -> tuple[str, ...]:
+    """Return which fields of where members stand are saved; of one tendon what sensors keep, if they do."""
+    if drive is not None:
+        return _STANDING_OF_MACHINE
+    return ("memory", "position", "by_force", "time", *(["block"] if at.block.shape[1] else []))
 
 
 def filter_of(saved: Any, rig: Rig) -> SavedFilter:
@@ -261,7 +263,7 @@ def _checked(saved: Mapping[str, Any], rig: Rig) -> SavedFilter:
 def _standing(saved: Mapping[str, Any], fresh: Ensemble, drive: DriveName | None, time: float) -> Standing:
     """Return where members stand, at a time [s] where that is not saved with it."""
     values = dict[str, Any]()
-    for name in _standing_names(drive):
+    for name in _standing_names(drive, fresh.now):
         like = getattr(fresh.now, name)
         if isinstance(like, np.ndarray):
             values[name] = numbers_of(saved[name], may_lack=name == "block")
