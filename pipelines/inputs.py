@@ -31,7 +31,7 @@ from tssgeom.io.formats.laboratory.mapping import NO_MAP, ColumnMap
 from tssgeom.io.formats.paths import size_of
 from tssgeom.io.results.shapes import Analysis, frame_row, relative
 from tssgeom.mechanism import Drive, End
-from tssgeom.plausibility.frames import rig_remarks
+from tssgeom.plausibility.frames import rig_remarks, unused_parts
 from tssgeom.rig import Rig, read_uncertain_rig
 from tssgeom.stream import Frame, FrameResult, Rejected
 from tssgeom.summary import RunningSummary
@@ -112,8 +112,11 @@ def run_settings(
         require_known(rig, uncertain)
     if rig_read.is_machine and not takes_machines:
         print_message(f"{rig}: warning: {ONE_TENDON}")
-    for each in rig_remarks(rig_read):
-        print_message(f"{rig}: warning: {each.text}")
+    for text in (
+        *unused_parts(rig_read, fitted=may_be_uncertain),
+        *(each.text for each in rig_remarks(rig_read)),
+    ):
+        print_message(f"{rig}: warning: {text}")
     if tube_mm is not None and not 0 < tube_mm < math.inf:
         raise SettingsError(f"--tube-mm is {tube_mm:g} mm: give the outer diameter of the tube, > 0 mm")
     radius, said = 0.5e-3 * (tube_mm or 0.0), column_map(columns, rig_read.columns)

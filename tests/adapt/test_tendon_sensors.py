@@ -20,7 +20,7 @@ from tssgeom.uncertain import Follow
 LAG, WIDTH = 0.4, 3e-4  # s, m
 LATE = msgspec.structs.replace(RIG, effects=(ChannelLag(lag_s=LAG), LoadPlay(width_m=WIDTH)))
 TIME = np.arange(600) * 0.05
-MOTION = 0.003 * (1.0 - np.cos(TIME * (1.0 + 0.3 * np.sin(TIME / 7.0))))
+MOTION = np.array(0.003 * (1.0 - np.cos(TIME * (1.0 + 0.3 * np.sin(TIME / 7.0)))), dtype=np.float64)
 
 
 def measured(rig, friction=0.145):
@@ -57,12 +57,12 @@ def followed(rig, seed=0):
 
 def test_friction_is_followed_beside_a_cell_that_lags():
     known = measured(msgspec.structs.replace(LATE, effects=LATE.effects[:1]), friction=0.17)
-    errors = []
+    errors = list[tuple[float, float]]()
     for rig in (msgspec.structs.replace(LATE, effects=LATE.effects[:1]), RIG):
         follower = followed(rig)
-        for moment in moments(known, noise=0.03):
-            readings = moment.readings._replace(elongation=None)
-            last = follower.take(ARCS, readings, moment.time)
+        every = [moment.readings._replace(elongation=None) for moment in moments(known, noise=0.03)]
+        known_after = [follower.take(ARCS, each, float(t)) for t, each in zip(TIME, every, strict=True)]
+        last = known_after[-1]
         errors.append((abs(last.values[0] - 0.17), last.se[0]))
     assert errors[0][0] < 3.0 * errors[0][1] < 0.01
     assert errors[1][0] > 0.05  # without the lag
@@ -73,7 +73,9 @@ def test_a_filter_with_late_sensors_goes_on_after_a_restart_as_if_there_had_been
     every = [moment.readings for moment in moments(measured(LATE), noise=0.03)]
     for time, readings in zip(TIME[:300], every, strict=False):
         follower.take(ARCS, readings, float(time))
-    text = json.dumps(filter_object(follower.saved()))
+    saved = follower.saved()
+    assert saved is not None
+    text = json.dumps(filter_object(saved))
     again = Follower(follower._first, saved=filter_of(json.loads(text), follower._first))
     for time, readings in zip(TIME[300:320], every[300:], strict=False):
         one, other = (each.take(ARCS, readings, float(time)) for each in (follower, again))

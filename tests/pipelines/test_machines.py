@@ -288,6 +288,16 @@ def test_check_says_what_a_machine_is_and_what_is_unknown_of_it(run, tmp_path):
     assert "unknown: tendon.pretension_N, route.angle_rad" in done.out
 
 
+def test_what_a_rig_states_and_a_command_does_not_use_is_named(run, tmp_path, shape):
+    late = '[[effects]]\nname = "channel_lag"\nlag_s = 0.3\n'
+    (tmp_path / "late.toml").write_text(RIG + late)
+    done = run("analyse", shape, "--rig", tmp_path / "late.toml")
+    assert any("effects of sensors do not act on a machine (channel_lag)" in each for each in done.errors)
+    (tmp_path / "routed.toml").write_text("[route]\nlength_m = 0.5\nangle_rad = 1.0\n")
+    done = run("analyse", shape, "--rig", tmp_path / "routed.toml")
+    assert any("a sensed one counts first" in each for each in done.errors)
+
+
 def test_commands_on_one_tendon_say_that_they_do_not_use_the_machine(run, tmp_path, shape):
     (tmp_path / "rig.toml").write_text(RIG)
     done = run("remedy", "--shape", shape, "--rig", tmp_path / "rig.toml")

@@ -77,7 +77,8 @@ class TendonSensors:
             follows = k == 0 and self._first >= 0
             at, late = PLAYS + 2 * k, np.maximum(numbers[:, self._first], 0.0) if follows else lag
             kept[:, at] = read[:, channel]
-            kept[:, at + 1] = read[:, channel] = _late(read[:, channel], *block[:, at : at + 2].T, late, span)
+            was, was_read = block[:, at], block[:, at + 1]
+            kept[:, at + 1] = read[:, channel] = _late(read[:, channel], was, was_read, late, span)
         return read, kept
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from tssgeom.arrays import Points
 from tssgeom.core.constants import CHANCE
-from tssgeom.effects import HiddenBend
+from tssgeom.effects import HiddenBend, named
 from tssgeom.errors import SettingsError
 from tssgeom.plausibility.kinds import Remark
 from tssgeom.plausibility.limits import LIMITS
@@ -161,6 +161,17 @@ def rig_remarks(rig: Rig) -> Iterator[Remark]:
             yield remark(
                 "rig_sensor", "rig", f"the full scale of sensors.{name} is {scale:g} N and {pretension}"
             )
+
+
+def unused_parts(rig: Rig, *, fitted: bool) -> Iterator[str]:
+    """Yield what a rig states that does not act, be it `fitted` or not, a sentence each."""
+    if rig.is_machine:
+        of_sensors = [each for each in rig.effects if each.hook == "observation"]
+        if of_sensors:
+            known = "give zero, gain and lag_s in [sensors.NAME], and end.play_rad"
+            yield f"effects of sensors do not act on a machine ({named(of_sensors)}): {known}"
+    elif not fitted and (rig.route.length_m is not None or rig.route.angle_rad is not None):
+        yield "[route] length_m and angle_rad count without a shape: of one tendon a sensed one counts first"
 
 
 @dataclass(slots=True)
