@@ -146,9 +146,7 @@ def with_unknown_angle(settings: RunSettings, *, sensed: bool) -> RunSettings:
     key, route = "route.angle_rad", settings.rig.route
     given = any(each.key == key for each in settings.uncertain)
     if not sensed and not route.length_m:
-        print_message(
-            "the route's length is not given: it counts as 1 m, and compliance is that of all the sheath"
-        )
+        print_message("the length of the route is not given: it counts as 1 m, for compliance too")
     added = () if given else (Uncertain(key, UNKNOWNS[key], stated=False),)
     angle = route.angle_rad if given else UNKNOWNS[key].centre
     route = changed(route, angle_rad=angle, length_m=route.length_m or (None if sensed else 1.0))

@@ -19,8 +19,8 @@ from tssgeom.uncertain import Follow
 
 LAG, WIDTH = 0.4, 3e-4  # s, m
 LATE = msgspec.structs.replace(RIG, effects=(ChannelLag(lag_s=LAG), LoadPlay(width_m=WIDTH)))
-TIME = np.arange(600) * 0.05
-MOTION = np.array(0.003 * (1.0 - np.cos(TIME * (1.0 + 0.3 * np.sin(TIME / 7.0)))), dtype=np.float64)
+TIME = np.linspace(0.0, 29.95, 600, dtype=np.float64)
+MOTION = 0.003 * (1.0 - np.cos(TIME * (1.0 + 0.3 * np.sin(TIME / 7.0))))
 
 
 def measured(rig, friction=0.145):

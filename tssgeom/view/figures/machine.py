@@ -115,7 +115,8 @@ def draw_fit(axes: Axes, fitted: MachineCalibration, which: int, name: str) -> A
     measured(axes, run.given["time_s"], of.factor * run.measured[name])
     model = of.factor * fitted.fitted[which][name]
     axes.plot(run.given["time_s"], model, color=BLUE, linewidth=1.0, label="fitted")
-    titles(axes, f"{run.name}: readings and fit", TIME.title, f"{of.words}\n{of.label}")
+    words = "\n".join(wrap(of.words, _LETTERS))
+    titles(axes, f"{run.name}: readings and fit", TIME.title, f"{words}\n{of.label}")
     return axes
 
 
