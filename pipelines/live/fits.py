@@ -154,7 +154,7 @@ class Fits:
         if sender is not self._last:
             self._last, self._turn = sender, arrival.arrived
         before, pace.points = pace.points, points
-        if sender.track.last is None or not 0 < points <= _LIMITS.more_points * before:
+        if sender.track.last is None or not 0 <= points <= _LIMITS.more_points * before:
             return False
         if points > _LIMITS.few_points and sender.track.is_due:
             return False

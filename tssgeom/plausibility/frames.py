@@ -244,7 +244,7 @@ class FrameWatch:
 
 def _differ(one: Points, other: Points) -> bool:
     """Whether two frames have different points; one coordinate is compared first, as it mostly differs."""
-    if one is other:
+    if one is other or not len(one) + len(other):  # without points the route is that of the rig
         return False
     if one.shape != other.shape or one.item(one.size // 2) != other.item(one.size // 2):
         return True

@@ -24,6 +24,7 @@ from tssgeom.io.formats.recording import GIVE_UNIT, PER_METRE, UNTIMED, Frames, 
 from tssgeom.stream import Frame, Rejected
 
 _TOO_LONG = f"the line is longer than {LONGEST_LINE} bytes (1 MiB): send fewer points"
+_LACKS_POINTS, _NO_POINTS = "missing required field `points`", b', "points": []}'
 _UNOBSERVED = (None, None, None)
 _STATE_UNIT = 'write "unit": "mm" or "unit": "m" in each line'
 _KEY = re.compile(r"(?:\$\.|field `)(\w+)")  # that a decoder names as wrong or missing
@@ -106,6 +107,8 @@ def frame_of(text: bytes, unit: str | None, time: float | None = None) -> Frame:
         line = _line_decoder.decode(text)
         beside = other_keys(text, _KNOWN)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+        if _LACKS_POINTS in str(error):  # the route is that of the rig
+            return frame_of(text.rstrip()[:-1] + _NO_POINTS, unit, time)
         raise ShapeError(_fault(error)) from error
     return _frame(line, _rows(line.points), beside, unit, time)
 
@@ -155,7 +158,7 @@ def frame_or_refusal(text: bytes, unit: str | None) -> Frame | Rejected:
 def _frame(
     line: Line[Any], points: np.ndarray, beside: OtherKeys, unit: str | None, time: float | None
 ) -> Frame:
-    stated = line.unit or unit
+    stated = line.unit or unit or (None if len(points) else "m")
     if stated not in PER_METRE:
         raise ShapeError(f"the unit is {stated!r}: {_STATE_UNIT}, or {GIVE_UNIT}")
     if unit is not None and stated != unit:
