@@ -10,7 +10,7 @@ from tests import lumped
 from tests.tendon.test_machine import rig
 from tssgeom import Engine, FrameResult, Rejected
 from tssgeom.adapt.follower import Follower
-from tssgeom.io.formats.jsonl import frame_of
+from tssgeom.io.formats.jsonl import frame_or_refusal
 from tssgeom.mechanism import GivenRoute
 from tssgeom.rig import Friction, Rig, Sensor, Tendon
 from tssgeom.uncertain import Follow
@@ -20,7 +20,7 @@ NOISE = {"tension_in_N": 0.02, "tension_out_N": 0.02}
 
 
 def line(**keys):
-    return frame_of(json.dumps({name: float(value) for name, value in keys.items()}).encode(), None)
+    return frame_or_refusal(json.dumps({name: float(value) for name, value in keys.items()}).encode(), None)
 
 
 def result_of(engine, **keys) -> FrameResult:

@@ -82,7 +82,9 @@ _heading_decoder = msgspec.json.Decoder(_Heading)
 _KNOWN = frozenset(Line.__struct_fields__)
 
 
-def frame_of(text: bytes, unit: str | None, time: float | None = None) -> Frame:
+def frame_of(
+    text: bytes, unit: str | None, time: float | None = None, *, may_lack_points: bool = False
+) -> Frame:
     """Decode one line.
 
     Parameters
@@ -93,6 +95,8 @@ def frame_of(text: bytes, unit: str | None, time: float | None = None) -> Frame:
         Unit for a line that states none; a line that states another one is refused.
     time
         Time for a line that states none [s].
+    may_lack_points
+        Whether a line may have none: its route is then that of the rig.
 
     Raises
     ------
@@ -107,7 +111,7 @@ def frame_of(text: bytes, unit: str | None, time: float | None = None) -> Frame:
         line = _line_decoder.decode(text)
         beside = other_keys(text, _KNOWN)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-        if _LACKS_POINTS in str(error):  # the route is that of the rig
+        if may_lack_points and _LACKS_POINTS in str(error):
             return frame_of(text.rstrip()[:-1] + _NO_POINTS, unit, time)
         raise ShapeError(_fault(error)) from error
     return _frame(line, _rows(line.points), beside, unit, time)
@@ -147,7 +151,7 @@ def plain_points(text: bytes | msgspec.Raw) -> np.ndarray:
 def frame_or_refusal(text: bytes, unit: str | None) -> Frame | Rejected:
     """Decode one line of a stream; one that cannot be used is rejected with its own time and id."""
     try:
-        return frame_of(text, unit)
+        return frame_of(text, unit, may_lack_points=True)
     except ShapeError as error:
         heading = _heading(text)
         heading = _Heading() if isinstance(heading, str) else heading
