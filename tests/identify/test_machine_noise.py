@@ -42,3 +42,11 @@ def test_a_current_of_a_motor_whose_torque_constant_is_not_known_is_named(consta
     run = machine_run("run", {**columns, "motor_current_A": np.cos(TIME)}, ROUTE, known)
     assert any("drive.torque_constant_Nm_per_A" in note for note in run.notes) == named
     assert ("motor_torque_Nm" in run.measured) != named
+
+
+def test_a_run_that_breaks_off_and_goes_on_is_named():
+    there = (TIME < 2.0) | (TIME > 3.5)
+    columns = {"time_s": TIME, "motor_angle_rad": 0.5 * np.sin(TIME), "joint_angle_rad": 0.4 * np.sin(TIME)}
+    broken = {name: values[there] for name, values in columns.items()}
+    assert any("time_s jumps by 1.5" in note for note in machine_run("run", broken, ROUTE, rig()).notes)
+    assert not machine_run("run", columns, ROUTE, rig()).notes

@@ -19,6 +19,7 @@ from tssgeom.identify.machine_drive_noise import (
 from tssgeom.identify.readings import READING, with_added
 from tssgeom.identify.turning import Legs, legs, turns_between_readings, with_turns
 from tssgeom.mechanism import numbered, tendon_count
+from tssgeom.plausibility.digits import clock_remarks
 from tssgeom.plausibility.kinds import Remark
 from tssgeom.plausibility.limits import LIMITS as PLAUSIBLE
 from tssgeom.plausibility.machines import (
@@ -115,7 +116,8 @@ def machine_run(
     count = tendon_count(rig.drive, rig.end)
     columns = with_torque(columns, rig)
     read = Series(columns, rig)
-    signs = warnings_of(name, [*sign_remarks(read), *direction_remarks(read), *angle_remarks(read)])
+    signs = [*sign_remarks(read), *direction_remarks(read), *angle_remarks(read)]
+    warnings = warnings_of(name, [*clock_remarks(read), *signs])
     drive = drive_of(columns, count)
     given_names = ["time_s", *drive_channels(drive, count)]
     end_given = rig.end.given == "angle"
@@ -175,7 +177,7 @@ def machine_run(
     }
     run = MachineRun(
         *(name, given, answers, held_out, tuple(routes), drive, end_given, count, noisy, noise),
-        notes=(*notes, *current_notes(columns, rig), *signs),
+        notes=(*notes, *current_notes(columns, rig), *warnings),
     )
     run = with_drive_known(run, rig.drive.lag_s)
     return _with_turns_between(run, *pulls.values()) if len(pulls) == 1 else run

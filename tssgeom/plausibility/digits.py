@@ -20,7 +20,7 @@ _MUST_MOVE = ("tension_in_N", "tension_out_N", "displacement_in_m", "elongation_
 
 def digit_remarks(run: Series, *, fitted: bool) -> Iterator[Remark]:
     """Yield faults of rows by recorders and connections; `fitted` is true where the run is measured."""
-    yield from _clock(run)
+    yield from clock_remarks(run)
     if not fitted:
         return
     for name in run.channels:
@@ -33,7 +33,8 @@ def digit_remarks(run: Series, *, fitted: bool) -> Iterator[Remark]:
     yield from _repeated(run)
 
 
-def _clock(run: Series) -> Iterator[Remark]:
+def clock_remarks(run: Series) -> Iterator[Remark]:
+    """Yield faults of the times of a run."""
     steps = np.diff(run.time)
     if len(steps) < LIMITS.repeated_rows:
         return
