@@ -159,10 +159,12 @@ class Fits:
         if points > _LIMITS.few_points and sender.track.is_due:
             return False
         free = sum(not fit.first for fit in self.running) < _LIMITS.threads
-        return pace.slowest <= (_LIMITS.inline if free and not self._is_alone(arrival) else _LIMITS.bearable)
+        others = free and not self.is_alone(arrival.arrived)
+        return pace.slowest <= (_LIMITS.inline if others else _LIMITS.bearable)
 
-    def _is_alone(self, arrival: Arrival) -> bool:
-        return 1e-9 * (arrival.arrived - self._turn) > _LIMITS.alone
+    def is_alone(self, at: int) -> bool:
+        """Whether for some time before one of `perf_counter_ns` [ns] all frames were of one sender."""
+        return 1e-9 * (at - self._turn) > _LIMITS.alone
 
     def check_model(self, sender: Sender, points: int) -> None:
         """Make the check that follows an answer, unless so many points are checked beside the stream."""

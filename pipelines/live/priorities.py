@@ -55,6 +55,10 @@ class Rests:
         self._put_off = urgent and not self._put_off
         return not self._put_off
 
+    def end_within(self, time: float) -> bool:
+        """Whether a rest that begins now has ended well within some time [s]."""
+        return time > 2.0 * _RESTS.pause
+
     def take_one(self) -> None:
         """Leave the core to others for a while."""
         sleep(_RESTS.pause)

@@ -119,7 +119,7 @@ class Session:
             self._serve()
             while (fit := self.fits.ended()) is not None:
                 self._finish(fit)
-            if self._rests.are_due(urgent=self._another_waits):
+            if self._rests.are_due(urgent=self._another_waits or self.fits.is_alone(self._arrived)):
                 self._leave_interpreter(self._rests.take_one)
             elif len(self.mailbox):
                 self._take_next()
@@ -292,23 +292,24 @@ class Session:
             self._keep_house()
 
     def _next_due(self) -> float:
-        due = min(self._next_housekeeping, self._fresh_since + self.stale_after, self.fits.next_due())
-        for source in self.sources:
-            if (pulled := source.due()) is not None:
-                due = min(due, pulled)
-        return due
+        pulls = (pulled for source in self.sources if (pulled := source.due()) is not None)
+        stale = self._fresh_since + self.stale_after
+        return min(self._next_housekeeping, stale, self.fits.next_due(), *pulls)
 
     def _call_back(self, timeout: float) -> None:
         for key, events in self._ready(timeout):
             key.data(events)
 
     def _ready(self, timeout: float) -> list[tuple[selectors.SelectorKey, int]]:
-        """Wait for peers; without sleep where the next frame is due soon, since waking takes time."""
+        """Wait for peers; where a frame is due soon, without sleep but for rests, since waking takes time."""
         if timeout > 0.0 and self.spin and self._frame_interval < _LIMITS.no_sleep_interval:
             end = monotonic() + min(timeout, _LIMITS.no_sleep_interval)
             while monotonic() < end:
                 if ready := self.selector.select(0.0):
                     return ready
+                left = self._frame_interval - 1e-9 * (perf_counter_ns() - self._arrived)
+                if self._rests.end_within(left) and self._rests.are_due():
+                    self._leave_interpreter(self._rests.take_one)
         return self._leave_interpreter(partial(self.selector.select, timeout))
 
     def _leave_interpreter(self, wait: Callable[[], _Waited]) -> _Waited:

@@ -90,6 +90,31 @@ def test_a_thread_of_real_time_leaves_some_of_its_core_to_others():
     assert all(share < 0.95 for share in shares)  # from there on Linux takes the core away
 
 
+def test_rests_of_a_stream_that_awaits_a_frame_each_5_ms_are_between_frames():
+    held_up, shares = list[bool](), list[float]()
+
+    def work():
+        try:
+            os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(5))
+        except PermissionError:
+            return
+        rests, begun, used = Rests(), monotonic(), thread_time()
+        for due in begun + 5e-3 * np.arange(1, 61):
+            while (now := monotonic()) < due:
+                if rests.end_within(due - now) and rests.are_due():
+                    rests.take_one()
+            held_up.append(rests.are_due(urgent=True))
+            while monotonic() < due + 1e-3:  # the frame is answered
+                pass
+        shares.append((thread_time() - used) / (monotonic() - begun))
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    thread.join()
+    assert np.mean(held_up or [0.0]) < 0.2
+    assert all(share < 0.9 for share in shares)
+
+
 def test_an_entry_of_the_core_waits_first_in_a_thread_that_gives_way():
     points, waited = np.random.default_rng(0).standard_normal((20, 3)), list[int]()
 
