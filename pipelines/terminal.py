@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
     from rich.table import Table
 
-_PIPE_WIDTH = 160  # characters of a table where stdout is no terminal; chosen: no column is left out
+_PIPE_WIDTH = 150  # characters of a table where stdout is no terminal; chosen: what a page shows whole
 _UNBOUNDED_WIDTH = 10_000  # characters: wider than any table
 
 
