@@ -70,35 +70,38 @@ def test_threads_for_long_fits_give_way_to_a_stream_of_real_time_and_else_stay_a
     assert noted[2:] in ([], [4])
 
 
-def test_a_thread_of_real_time_leaves_some_of_its_core_to_others():
-    shares = list[float]()
+def share_of_core(work):
+    """Run work that takes rests in a thread of real time; return its share, 0 where none is allowed."""
+    shares = [0.0]
 
-    def work():
+    def run():
         try:
             os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(5))
         except PermissionError:
             return
         rests, begun, used = Rests(), monotonic(), thread_time()
+        work(rests, begun)
+        shares.append((thread_time() - used) / (monotonic() - begun))
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    thread.join()
+    return shares[-1]
+
+
+def test_a_thread_of_real_time_leaves_some_of_its_core_to_others():
+    def work(rests, begun):
         while monotonic() < begun + 0.3:
             if rests.are_due(urgent=True):  # put off, but not for ever
                 rests.take_one()
-        shares.append((thread_time() - used) / (monotonic() - begun))
 
-    thread = threading.Thread(target=work)
-    thread.start()
-    thread.join()
-    assert all(share < 0.95 for share in shares)  # from there on Linux takes the core away
+    assert share_of_core(work) < 0.95  # from there on Linux takes the core away
 
 
 def test_rests_of_a_stream_that_awaits_a_frame_each_5_ms_are_between_frames():
-    held_up, shares = list[bool](), list[float]()
+    held_up = [False]
 
-    def work():
-        try:
-            os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(5))
-        except PermissionError:
-            return
-        rests, begun, used = Rests(), monotonic(), thread_time()
+    def work(rests, begun):
         for due in begun + 5e-3 * np.arange(1, 61):
             while (now := monotonic()) < due:
                 if rests.end_within(due - now) and rests.are_due():
@@ -106,13 +109,9 @@ def test_rests_of_a_stream_that_awaits_a_frame_each_5_ms_are_between_frames():
             held_up.append(rests.are_due(urgent=True))
             while monotonic() < due + 1e-3:  # the frame is answered
                 pass
-        shares.append((thread_time() - used) / (monotonic() - begun))
 
-    thread = threading.Thread(target=work)
-    thread.start()
-    thread.join()
-    assert np.mean(held_up or [0.0]) < 0.2
-    assert all(share < 0.9 for share in shares)
+    assert share_of_core(work) < 0.9
+    assert np.mean(held_up) < 0.2
 
 
 def test_an_entry_of_the_core_waits_first_in_a_thread_that_gives_way():
