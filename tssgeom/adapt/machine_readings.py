@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tssgeom.adapt.machine_lines import MachineNumbers
+from tssgeom.adapt.readings import behind_play, lagged
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.mechanism import numbered, tip
 from tssgeom.rig import Rig
@@ -135,7 +136,7 @@ class SensorState:
 
     def engaged_motor(self, angle: Vector, play: Vector) -> Vector:
         """Return angles of the motor behind the play [rad], and keep them; docs/model.md (59)."""
-        self.block[:, 0] = _engaged(angle, play, self.block[:, 0])
+        self.block[:, 0] = behind_play(angle, play, self.block[:, 0])
         return self.block[:, 0]
 
     def read(
@@ -147,19 +148,14 @@ class SensorState:
             if (now := true.get(name)) is None:
                 continue
             if name == "joint_angle_rad":
-                now = self.block[:, 1] = _engaged(now, of.joint_play[:, 0], self.block[:, 1])
+                now = self.block[:, 1] = behind_play(now, of.joint_play[:, 0], self.block[:, 1])
             values[:, i] = self._lagged(name, now, span) if name in self._lags else now
         return of.gain * values + of.zero
 
     def _lagged(self, name: str, now: Vector, span: float) -> Vector:
         """Return what a sensor with a lag reads [machines], and keep it; docs/model.md (62)."""
         at, lag = 2 + 2 * list(self._lags).index(name), self._lags[name]
-        before, read = self.block[:, at : at + 2].T
-        if np.isnan(read).any() or span <= 0.0:
-            read = now if np.isnan(read).any() else read.copy()
-        else:
-            behind = (now - before) / span * lag
-            read = now - behind + (read - before + behind) * np.exp(-span / lag)
+        read = lagged(now, self.block[:, at], self.block[:, at + 1], lag, span)
         self.block[:, at], self.block[:, at + 1] = now, read
         return read
 
@@ -168,9 +164,3 @@ class SensorState:
         motor, joint, *lags = self.block.mean(axis=0).tolist()
         pairs = zip(lags[::2], lags[1::2], strict=True)
         return motor, joint, dict(zip(self._lags, pairs, strict=True))
-
-
-def _engaged(angle: Vector, play: Vector, before: Vector) -> Vector:
-    if np.isnan(before).any():
-        return angle.copy()
-    return np.minimum(np.maximum(before, angle), angle + play)

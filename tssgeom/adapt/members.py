@@ -61,7 +61,7 @@ class Standing:
     coordinate: Matrix
     """[members, m] Coordinates of the end of a machine; none of one tendon."""
     block: Matrix
-    """[members, …] What plays and lagging sensors of a machine keep; nothing of one tendon."""
+    """[members, …] What plays and lagging sensors keep."""
     position: Vector
     """[members] Where the drive of one tendon is [m]; 0 of a machine."""
     by_force: bool

@@ -12,15 +12,15 @@ import numpy as np
 
 from tssgeom.adapt.ensemble import Ensemble
 from tssgeom.adapt.follower import Alert, Follower
-from tssgeom.adapt.kinds import assumed_noise
+from tssgeom.adapt.kinds import with_noise
 from tssgeom.adapt.machine_readings import MachineReadings, channels_read
-from tssgeom.adapt.readings import CHANNELS, FollowedRig, Readings, noise_variance
+from tssgeom.adapt.readings import CHANNELS, FollowedRig, Readings
 from tssgeom.adapt.smoothing import NumberHistory, SmoothedNumbers
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.errors import FitError, SettingsError
 from tssgeom.mechanism import tendon_count
 from tssgeom.result import Result
-from tssgeom.rig import Rig, Sensor
+from tssgeom.rig import Rig
 from tssgeom.statistics import reading_noise
 from tssgeom.tendon.machine_simulation import drive_channels, drive_of, with_torque
 from tssgeom.tendon.moving import MovingRoute
@@ -256,17 +256,14 @@ def _reading(channel: Vector | None, row: int) -> float | None:
 def _with_noise(rig: Rig, run: RunColumns | MachineColumns) -> tuple[Rig, tuple[str, ...]]:
     """Return the rig with a noise of each channel, and a note on each that it did not state."""
     columns = _checked_machine(rig, run) if isinstance(run, MachineColumns) else _checked(run)
+    rig, lacking = with_noise(rig, columns)
     sensors, notes = dict(rig.sensors), list[str]()
-    for name, column in columns.items():
-        sensor = sensors.get(name, Sensor())
-        if noise_variance(sensor) > 0.0:
-            continue
-        there = np.isfinite(column)
-        displayed, assumed = reading_noise(column[there], run.time[there]), assumed_noise(name)
-        noise, how = (
-            (displayed, "as the readings show") if displayed > _EXACT * assumed else (assumed, "assumed")
-        )
-        sensors[name] = msgspec.structs.replace(sensor, noise=noise)
+    for name in (each for each in columns if each in lacking):
+        there = np.isfinite(columns[name])
+        noise, how = reading_noise(columns[name][there], run.time[there]), "as the readings show"
+        if noise <= _EXACT * sensors[name].noise:
+            noise, how = sensors[name].noise, "assumed"
+        sensors[name] = msgspec.structs.replace(sensors[name], noise=noise)
         notes.append(f"sensors.{name}.noise is not stated: {noise:.2g} {name.rpartition('_')[2]}, {how}")
     return msgspec.structs.replace(rig, sensors=sensors), tuple(notes)
 

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tssgeom.arrays import Matrix, Vector
+from tssgeom.core.constants import ROUNDING
 from tssgeom.rig import Sensor
 from tssgeom.route.pieces import Arcs
 
@@ -77,6 +78,31 @@ class FollowedRig:
 def noise_variance(sensor: Sensor | None) -> float:
     """Return the variance of a reading by the stated noise and resolution of its sensor."""
     return 0.0 if sensor is None else sensor.noise**2 + sensor.resolution**2 / 12.0
+
+
+def behind_play(position: Vector, width: Vector | float, before: Vector) -> Vector:
+    """Return positions [n] behind a play that stood `before` [n], NaN at the begin; docs/model.md (59)."""
+    before = np.where(np.isnan(before), position, before)
+    return np.minimum(np.maximum(before, position), position + width)
+
+
+def lagged(now: Vector, before: Vector, read: Vector, lag: Vector | float, span: float) -> Vector:
+    """Return what sensors [n] with a lag [s] read after a time [s]; docs/model.md (62).
+
+    Parameters
+    ----------
+    now, before
+        True values now and then; straight between.
+    read
+        What they read then; NaN at the begin.
+    lag, span
+        The lag, and the time between.
+    """
+    if span <= 0.0:
+        return np.where(np.isnan(read), now, read)
+    lag = np.maximum(lag, ROUNDING.relative * span)
+    behind = (now - before) / span * lag
+    return np.where(np.isnan(read), now, now - behind + (read - before + behind) * np.exp(-span / lag))
 
 
 def mean_and_sd(values: Matrix) -> tuple[Vector, Vector]:

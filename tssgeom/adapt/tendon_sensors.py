@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from tssgeom.adapt.members import PLAYS
-from tssgeom.adapt.readings import CHANNELS
+from tssgeom.adapt.readings import CHANNELS, behind_play, lagged
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.effects import Setup
 from tssgeom.errors import SettingsError
@@ -70,23 +70,12 @@ class TendonSensors:
         read, kept = true.copy(), block.copy()
         if self._play > 0.0 or self._width >= 0:
             width = self._play if self._width < 0 else np.maximum(numbers[:, self._width], 0.0)
-            before = np.where(np.isnan(block[:, 0]), position, block[:, 0])
-            kept[:, 0] = np.minimum(np.maximum(before, position), position + width)
+            kept[:, 0] = behind_play(position, width, block[:, 0])
             read[:, CHANNELS.index("elongation_m")] += position - kept[:, 0]
         for k, (channel, lag) in enumerate(self._late):
             follows = k == 0 and self._first >= 0
             at, late = PLAYS + 2 * k, np.maximum(numbers[:, self._first], 0.0) if follows else lag
             kept[:, at] = read[:, channel]
-            was, was_read = block[:, at], block[:, at + 1]
-            kept[:, at + 1] = read[:, channel] = _late(read[:, channel], was, was_read, late, span)
+            read[:, channel] = lagged(read[:, channel], block[:, at], block[:, at + 1], late, span)
+            kept[:, at + 1] = read[:, channel]
         return read, kept
-
-
-def _late(now: Vector, before: Vector, was_read: Vector, lag: float | Vector, span: float) -> Vector:
-    """Return what a sensor with a lag reads after some time; docs/model.md (62)."""
-    if span <= 0.0:
-        return np.where(np.isnan(was_read), now, was_read)
-    lag = np.maximum(lag, 1e-9 * span)
-    behind = (now - before) / span * lag
-    read = now - behind + (was_read - before + behind) * np.exp(-span / lag)
-    return np.where(np.isnan(was_read), now, read)
