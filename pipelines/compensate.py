@@ -6,7 +6,6 @@ What it needs is imported when it runs, so that `--help` is quick.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -42,7 +41,8 @@ def compensate(
         Path,
         typer.Option(
             "--target",
-            help="Run (CSV, Parquet): time_s and displacement_out_m, tension_out_N or joint_angle_rad.",
+            help="Run (CSV, Parquet): time_s and displacement_out_m, tension_out_N or joint_angle_rad, or "
+            "bending_x_rad and bending_y_rad.",
         ),
     ],
     out: Annotated[Path, typer.Option("--out", help="Folder for compensate.parquet.")],
@@ -74,11 +74,10 @@ def compensate(
     from tssgeom.io.formats.columns import CHANNELS
     from tssgeom.io.results.tables import commands_table, write_table
     from tssgeom.tendon import simulation
-    from tssgeom.tendon.commander import commander_of, on_a_spring
+    from tssgeom.tendon.commander import commander_of
 
     choose(style)
     settings = run_settings(rig, None, unit, columns=columns, takes_machines=True)
-    settings = replace(settings, rig=on_a_spring(settings.rig))
     tolerance = None if tolerance_mm is None else 1e-3 * tolerance_mm
     with outputs(out, TABLE):
         if settings.rig.is_machine:

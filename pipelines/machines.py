@@ -67,9 +67,9 @@ def compensate_machine(
     as_json: bool,
     quiet: bool,
 ) -> int:
-    """Compute the angle of the motor that turns the joint as wanted; returns the exit status."""
+    """Compute what the drives have to do so that the end follows a target; returns the exit status."""
     from pipelines.runs import errors_naming, measured_run, sensed_route
-    from tssgeom.api.machine_calls import TARGET, commanded_machine
+    from tssgeom.api.machine_calls import commanded_machine
     from tssgeom.io.results.csv_table import write_channels
 
     run = measured_run(target, settings)
@@ -83,12 +83,12 @@ def compensate_machine(
         print_message(f"{target}: warning: {warning}")
     table = out / "compensate.parquet"
     write_channels(table, done.channels)
-    title = f"{sensed.name} follows {TARGET} of {run.name}"
+    title = f"{sensed.name} follows {done.drive} of {run.name}"
     pictures = _write_figures(figures, title, run, done)
     _print_channels(
         f"{title}: {len(run.time)} commands",
         done.channels,
-        {"shape": sensed.name, "run": run.name, "target": TARGET, "rows": len(run.time)},
+        {"shape": sensed.name, "run": run.name, "target": done.drive, "rows": len(run.time)},
         [table, *pictures],
         as_json=as_json,
         quiet=quiet,

@@ -40,6 +40,10 @@ def command_of(result):
     return result.machine.command
 
 
+def motor_of(result):
+    return command_of(result).inputs["motor_angle_rad"]
+
+
 @pytest.mark.parametrize(
     ("limits", "name"),
     [
@@ -51,7 +55,7 @@ def command_of(result):
 )
 def test_no_command_exceeds_a_limit_of_the_drive(limits, name):
     results = commanded(pair(play_rad=0.02, limits=limits), TARGET)
-    angle = np.array([command_of(each).motor_angle for each in results])
+    angle = np.array([motor_of(each) for each in results])
     cut = [command_of(each).limited for each in results]
     assert name in cut
     assert set(cut) <= {"", name}
@@ -68,7 +72,9 @@ def test_no_command_exceeds_a_limit_of_the_drive(limits, name):
     assert "joint_angle_reached_rad" in results[first].machine.numbers
     tracked = fit_frame(Frame(POINTS, 0.0), pair())[1]
     machine = machine_of(pair(play_rad=0.02, limits=limits), [routed(tracked.fit.arcs, pair())])
-    np.testing.assert_allclose(command_machine(machine, TIME, TARGET).motor_angle, angle, atol=1e-5)
+    np.testing.assert_allclose(
+        command_machine(machine, TIME, {"joint_angle_rad": TARGET}).inputs[:, 0], angle, atol=1e-5
+    )
 
 
 def test_a_target_that_trembles_inside_the_tolerance_moves_no_motor_that_waits():
@@ -78,12 +84,12 @@ def test_a_target_that_trembles_inside_the_tolerance_moves_no_motor_that_waits()
     hardware = pair(play_rad=0.02)
     commander = commander_of(hardware, tolerance=1.5e-2 * hardware.end.radius_m, policy="wait")
     results = commanded(hardware, target, commander, time)
-    angle = np.array([command_of(each).motor_angle for each in results])
+    angle = np.array([motor_of(each) for each in results])
     assert np.ptp(angle[8:25]) < 1e-12
     assert any(command_of(each).waits for each in results[5:25])
     assert not command_of(results[-1]).waits
     assert results[-1].machine.channels["joint_angle_rad"] == pytest.approx(0.05, abs=1e-6)
-    crossing = [command_of(each).motor_angle for each in commanded(hardware, target, time=time)]
+    crossing = [motor_of(each) for each in commanded(hardware, target, time=time)]
     assert np.ptp(crossing[8:25]) > 0.05
 
 
@@ -95,7 +101,10 @@ def test_standard_errors_hold_what_an_uncertain_friction_does_to_the_joint():
     results = commanded(pair(), target, commander_of(pair(), [known], tolerance=1e-5), time)
     numbers = results[-1].machine.numbers
     command = command_of(results[-1])
-    run = {"time_s": time, "motor_angle_rad": np.array([command_of(each).motor_angle for each in results])}
+    run = {
+        "time_s": time,
+        "motor_angle_rad": np.array([motor_of(each) for each in results]),
+    }
     ends = []
     for u in (-1.0, 1.0):
         other = changed(pair(), friction=changed(pair().friction, coefficient=known.prior.value(u)))
@@ -135,7 +144,7 @@ def test_commands_are_what_the_sensor_of_the_motor_reads():
     done = commanded_machine(run, [tracked.fit.arcs], hardware)
     read = {"time_s": TIME, "motor_angle_rad": done.channels["motor_angle_rad"]}
     np.testing.assert_allclose(simulate_machine(machine, read)["joint_angle_rad"], TARGET, atol=1e-6)
-    got = [command_of(each).motor_angle for each in commanded(hardware, TARGET)]
+    got = [motor_of(each) for each in commanded(hardware, TARGET)]
     np.testing.assert_allclose(got, done.channels["motor_angle_rad"], atol=1e-5)
 
 

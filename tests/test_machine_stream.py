@@ -182,10 +182,10 @@ def test_a_target_brings_the_command_that_compensate_computes():
     results = carried(hardware, columns, engine)
     tracked = fit_frame(Frame(POINTS, 0.0), hardware)[1]
     machine = machine_of(hardware, [routed(tracked.fit.arcs, hardware)])
-    expected = command_machine(machine, TIME, target, load)
-    got = [each.machine.command.motor_angle for each in results]
+    expected = command_machine(machine, TIME, {"joint_angle_rad": target}, load)
+    got = [each.machine.command.inputs["motor_angle_rad"] for each in results]
     # in a dead zone the search ends within 1e-7 rad of the joint, from slightly different angles
-    np.testing.assert_allclose(got, expected.motor_angle, atol=1e-5)
+    np.testing.assert_allclose(got, expected.inputs[:, 0], atol=1e-5)
     reached = [each.machine.channels["joint_angle_rad"] for each in results]
     np.testing.assert_allclose(reached, target, atol=1e-6)
 
@@ -197,7 +197,9 @@ def test_where_the_drive_is_measured_the_command_is_its_next_angle():
         Frame(POINTS, 0.0, of_machine={"motor_angle_rad": 0.1, "joint_angle_target_rad": 0.3})
     )
     assert first.machine.channels["joint_angle_rad"] < 0.2
-    there = engine.push(Frame(POINTS, 1.0, of_machine={"motor_angle_rad": first.machine.command.motor_angle}))
+    there = engine.push(
+        Frame(POINTS, 1.0, of_machine={"motor_angle_rad": first.machine.command.inputs["motor_angle_rad"]})
+    )
     assert there.machine.channels["joint_angle_rad"] == pytest.approx(0.3, abs=1e-6)
 
 

@@ -26,13 +26,8 @@ from tssgeom.tendon.command_error import Step, with_rig_errors
 from tssgeom.tendon.commander import Commander, Given, commander_of
 from tssgeom.tendon.machine_commander import Moved, machine_commander_of
 from tssgeom.tendon.machine_simulation import current_notes
-from tssgeom.tendon.machine_stream import (
-    JOINT_TARGET,
-    CarriedMachine,
-    MachineMoment,
-    channels_of,
-    greatest_pull,
-)
+from tssgeom.tendon.machine_stream import CarriedMachine, MachineMoment, channels_of, greatest_pull
+from tssgeom.tendon.machine_target import name_of, possible_outputs
 from tssgeom.tendon.state import TendonState, pretensioned, transmit_after
 from tssgeom.tendon.transmission import Transmission
 
@@ -265,11 +260,11 @@ def _of_machine(
 def _readings(frame: Frame, rig: Rig) -> tuple[dict[str, float], tuple[str, ...]]:
     """Return what a frame measures of a machine, by channel, and a warning for each reading that it has not.
 
-    Raises SettingsError where a target is that of one tendon, or a reading is not finite.
+    Raises SettingsError where the rig has no such target, or a reading is not finite.
     """
-    if frame.displacement_target is not None or frame.tension_out_target is not None:
-        raise SettingsError(f"the target is of one tendon on a spring: a joint takes {JOINT_TARGET}")
     of_one = {
+        "displacement_target_m": frame.displacement_target,
+        "tension_out_target_N": frame.tension_out_target,
         "tension_in_N": frame.tension_in,
         "tension_out_N": frame.tension_out,
         "displacement_in_m": frame.displacement_in,
@@ -281,8 +276,13 @@ def _readings(frame: Frame, rig: Rig) -> tuple[dict[str, float], tuple[str, ...]
     for name, value in given.items():
         if not math.isfinite(value):
             raise SettingsError(f"{name} is {value:g}: give a finite value, or leave it out")
-    known = {*channels_of(rig), "motor_current_A", "elongation_m", JOINT_TARGET}
-    unknown = sorted(given.keys() - known)
+    targets = {name_of(each, "target") for each in possible_outputs(rig)}
+    if wrong := sorted(name for name in given if "_target" in name and name not in targets):
+        takes = " and ".join(sorted(targets)) or "no target"
+        raise SettingsError(
+            f"{wrong[0]} is of another rig: one with end.kind = {rig.end.kind!r} takes {takes}"
+        )
+    unknown = sorted(given.keys() - {*channels_of(rig), "motor_current_A", "elongation_m", *targets})
     notes = (f"{name} is not used: the rig has no such channel" for name in unknown)
     return given, (*notes, *current_notes(given, rig))
 
@@ -310,7 +310,7 @@ def _unread(frame: Frame) -> tuple[str, ...]:
     """
     if not frame.of_machine:
         return ()
-    wanted = [name for name in frame.of_machine if name.startswith(_MAY_DRIVE) or name == JOINT_TARGET]
+    wanted = [name for name in frame.of_machine if name.startswith(_MAY_DRIVE) or "_target" in name]
     names = ", ".join(frame.of_machine)
     if wanted and not drives_tendon(frame):
         raise SettingsError(

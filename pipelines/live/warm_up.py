@@ -16,7 +16,7 @@ from tssgeom.rig import Rig
 from tssgeom.stream import Frame, FrameResult, Rejected
 from tssgeom.tendon.commander import Commander
 from tssgeom.tendon.machine_simulation import drive_channels
-from tssgeom.tendon.machine_stream import JOINT_TARGET
+from tssgeom.tendon.machine_target import name_of, possible_outputs
 
 _LINE = b'{"t": 0, "points": [[0, 0, 0], %s, [1, 0, 0.5]], "unit": "mm", "s": [0, 1, 2]}'
 _COUNT = 60  # frames of each route; chosen: all drives and faults of `_driven` come up
@@ -73,8 +73,9 @@ def _of_machine(frame: Frame, rig: Rig) -> Frame:
     by_motor, count = rig.drive.radius_m > 0.0, tendon_count(rig.drive, rig.end)
     names = drive_channels("motor_angle_rad" if by_motor else "displacement_in", count)
     readings = dict.fromkeys(names, angle if by_motor else 0.01 * angle)
-    if rig.end.kind == "joint" and by_motor and frame.time > 50.0:
-        readings[JOINT_TARGET] = angle
+    segment = rig.end.kind == "segment"
+    if frame.time > 50.0 and (by_motor or segment):
+        readings |= {name_of(each, "target"): angle for each in possible_outputs(rig)[: 1 + segment]}
     return Frame(frame.points, frame.time, of_machine=readings)
 
 

@@ -110,8 +110,8 @@ def test_a_command_comes_from_the_followed_machine_with_its_error():
     assert result.machine is not None
     command = result.machine.command
     assert command is not None
-    assert command.joint_angle == pytest.approx(0.2, abs=1e-6)
-    assert 1e-5 < command.joint_angle_se < 5e-3
+    assert command.outputs["joint_angle_rad"] == pytest.approx(0.2, abs=1e-6)
+    assert 1e-5 < command.errors["joint_angle_rad"] < 5e-3
 
 
 def test_a_machine_without_a_measured_drive_goes_where_it_is_commanded():

@@ -13,7 +13,7 @@ from tssgeom.rig import Friction, Load, Rig, Tendon, read_uncertain_rig, write_r
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.command_error import Step
 from tssgeom.tendon.commander import Target, commander_of
-from tssgeom.tendon.machine_commander import joint_errors
+from tssgeom.tendon.machine_commander import output_errors
 from tssgeom.tendon.state import pretensioned, step, transmit
 
 LOAD = Load(stiffness_N_per_m=5000.0)
@@ -92,8 +92,12 @@ def test_a_joint_misses_by_what_the_correlations_of_its_rig_say(tmp_path):
     later = np.arange(0.0, 10.0, 0.5)
     command = {"time_s": later, "motor_angle_rad": 0.6 * np.sin(2.0 * np.pi * later / 7.0)}
     is_at, meant = (simulate(arcs, command, each).to_pandas()["joint_angle_rad"] for each in (true, rig))
-    stated = joint_errors([arcs], rig, command, uncertain)
+
+    def errors(numbers):
+        return np.sqrt(output_errors([arcs], rig, command, numbers, ["joint_angle_rad"])[:, 0, 0])
+
+    stated = errors(uncertain)
     missed = float(np.sqrt(np.mean((is_at - meant) ** 2)))
     assert missed < 2.5 * float(np.mean(stated))
     alone = [replace(each, correlation={}) for each in uncertain]
-    assert float(np.mean(joint_errors([arcs], rig, command, alone))) > 2.0 * float(np.mean(stated))
+    assert float(np.mean(errors(alone))) > 2.0 * float(np.mean(stated))

@@ -13,19 +13,14 @@ from tssgeom.adapt.followed_tendon import with_filter
 from tssgeom.adapt.follower import Follower
 from tssgeom.adapt.machine_filter import MachineFilter
 from tssgeom.adapt.machine_readings import MachineReadings
+from tssgeom.arrays import Matrix
 from tssgeom.core.constants_tendon import BAR
 from tssgeom.errors import SettingsError, TssgeomError
-from tssgeom.mechanism import per_motor_angle
 from tssgeom.plausibility.frames import strain_remarks
 from tssgeom.plausibility.rules import warnings_of
-from tssgeom.rig import Rig
-from tssgeom.tendon.command_error import is_near, outside
 from tssgeom.tendon.machine import machine_of, routed
-from tssgeom.tendon.machine_channels import as_read
-from tssgeom.tendon.machine_commander import MachineCommander, Moved
-from tssgeom.tendon.machine_simulation import drive_channels
+from tssgeom.tendon.machine_commander import MachineCommander, Moved, as_drive
 from tssgeom.tendon.machine_stream import (
-    JOINT_TARGET,
     CarriedMachine,
     MachineCommand,
     MachineMoment,
@@ -36,6 +31,7 @@ from tssgeom.tendon.machine_stream import (
     greatest_pull,
     held_drive,
 )
+from tssgeom.tendon.machine_target import following, without_targets
 
 
 def moved(
@@ -68,8 +64,7 @@ def moved(
     if not math.isfinite(at.time):
         raise SettingsError("a rig is followed over time: give the time of each frame [s]")
     at = replace(at, arcs=follower.carried.lies_on(at.arcs))
-    target = readings.get(JOINT_TARGET)
-    measured = {name: value for name, value in readings.items() if name != JOINT_TARGET}
+    measured, targets = without_targets(readings, follower.rig)
     elapsed = 0.0 if before.history is None else max(at.time - before.time, 0.0)
     if brings_drive(measured, follower.rig):
         kept = follower.kept()
@@ -77,21 +72,22 @@ def moved(
         try:
             strained = strain_remarks(follower.rig, at.arcs.total_length, greatest_pull(moment.channels))
             warnings_of(None, strained)
-            if target is None:
+            if not targets:
                 return moment
-            command = _commanded(follower, commander, moment.state, measured, target, at, elapsed)
+            command = _commanded(follower, commander, moment.state, measured, targets, at, elapsed)
             return moment._replace(command=command)
         except TssgeomError:
             follower.go_back(kept)
             raise
-    if target is None:
+    if not targets:
         held = _held(follower, before, at)
         return _taken(follower, before, MachineReadings({**measured, **held}, commanded=True), at, None)
-    rest = MachineReadings({**measured, "motor_angle_rad": 0.0}, commanded=True)
+    at_zero = dict.fromkeys(following(follower.rig, targets).inputs, 0.0)
+    rest = MachineReadings({**measured, **at_zero}, commanded=True)
     now, carried = _filter(follower, at, rest, before)
     stands = before if before.history is not None else carried.state(now, before.way, at.time - BAR.untimed)
-    command = _commanded(follower, commander, stands, measured, target, at, elapsed)
-    done = MachineReadings({**measured, "motor_angle_rad": command.motor_angle}, commanded=True)
+    command = _commanded(follower, commander, stands, measured, targets, at, elapsed)
+    done = MachineReadings({**measured, **command.inputs}, commanded=True)
     return _taken(follower, before, done, at, command)
 
 
@@ -99,7 +95,7 @@ def _held(follower: Follower, before: CarriedMachine, at: Moved) -> dict[str, fl
     """Return the drive of a frame that brings neither drive nor target, as without a filter."""
     rig = follower.rig
     machine = before.machine or machine_of(rig, [routed(at.arcs, rig)])
-    drive = driven_by({}, before.history, rig, machine.count, None)[0]
+    drive = driven_by({}, before.history, rig, machine.count, {})[0]
     held = held_drive(drive, machine, at.tension_in)
     return {name: float(value[0]) for name, value in held.items()}
 
@@ -139,36 +135,23 @@ def _commanded(
     commander: MachineCommander,
     state: CarriedMachine,
     measured: Mapping[str, float],
-    target: float,
+    targets: Mapping[str, float],
     at: Moved,
     elapsed: float,
 ) -> MachineCommand:
-    """Return what the motor has to do for a target [rad] from where the mean machine stands."""
+    """Return what the drives have to do for targets from where the mean machine stands."""
     now = follower.filter
     assert isinstance(now, MachineFilter)
     assert state.machine is not None
     assert state.history is not None
-    rig, arm = state.machine.rig, state.machine.rig.end.radius_m
-    span = max(at.time - state.history.time, 0.0)
+    rig, history = state.machine.rig, state.history
+    follows, span = following(rig, targets), max(at.time - history.time, 0.0)
 
-    def error(motor_read: float) -> float:
-        return now.joint_after({**measured, **_to_angle(now, rig, motor_read)}, span)[1]
-
-    def may_wait(miss: float, motor: float) -> bool:
-        return is_near(arm * miss, arm * error(as_read(motor, "motor_angle_rad", rig)), commander.tolerance)
+    def covariance(command: Mapping[str, float]) -> Matrix:
+        values = {**measured, **as_drive(command, rig, now.drive)}
+        return np.atleast_2d(np.cov(now.outputs_after(values, span, follows), rowvar=False))
 
     run = {name: np.array([value]) for name, value in measured.items()} | {"time_s": np.array([at.time])}
-    waits = may_wait if commander.waits else None
-    command = command_of(state.machine, state.history, run, target, elapsed, waits)
-    se, tolerance = error(command.motor_angle), commander.tolerance
-    miss = arm * (command.joint_angle - target)
-    risk = None if tolerance is None else outside(miss, arm * se, tolerance)
-    return command._replace(joint_angle_se=se, out_of_tolerance=risk)
-
-
-def _to_angle(now: MachineFilter, rig: Rig, motor_read: float) -> dict[str, float]:
-    """Return what the sensors of the drive read where the motor is at an angle, as its own one reads it."""
-    if now.drive != "displacement_in":
-        return {"motor_angle_rad": motor_read}
-    arms = per_motor_angle(rig.drive, now.count) * motor_read
-    return dict(zip(drive_channels(now.drive, now.count), arms.tolist(), strict=True))
+    wait = commander.may_wait(follows, rig, targets, covariance)
+    command = command_of(state.machine, history, run, targets, elapsed, wait)
+    return commander.with_errors(command, covariance(command.inputs), rig, targets)

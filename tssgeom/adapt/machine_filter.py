@@ -28,6 +28,7 @@ from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.machine import Machine, begin, held_tensions, shift_rests
 from tssgeom.tendon.machine_history import DriveName, MachineHistory, Turning, direction
 from tssgeom.tendon.machine_simulation import drive_channels, on_clock
+from tssgeom.tendon.machine_target import Following
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,17 +118,19 @@ class MachineFilter(Ensemble):
         true = (self.trackers[self.drive].position - sensor.zero) / sensor.gain
         return Turning(true, float(self.trackers[self.drive].way), engaged)
 
-    def joint_after(self, values: Mapping[str, float], span: float) -> tuple[float, float]:
-        """Return the angle of the joint after a move of the drive, and its standard error [rad].
+    def outputs_after(self, values: Mapping[str, float], span: float, follows: Following) -> Matrix:
+        """Return what follows a target after a move of the drives, of half the members [members, d].
 
-        `values` are the readings, those of the drive as it goes to; nothing is changed; docs/model.md (205).
+        `values` are the readings, those of the drives as they go; nothing is changed; docs/model.md (205).
         """
         count = SETTINGS.members // 2
         read = np.tile([values[name] for name in self.drives], (count, 1))
         span = max(span, SETTINGS.first_span)
         at, rows = Moment(self.time, self.cut, MachineReadings(values)), np.arange(count)
-        joint = self._stepped(self.now, rows, read, at, span, 0.0).standing.coordinate[:, 0]
-        return float(joint.mean()), float(joint.std(ddof=1))
+        stepped = self._stepped(self.now, rows, read, at, span, 0.0)
+        if follows.tendons:
+            return stepped.ends[:, [4 * k + 1 for k in follows.tendons]]
+        return stepped.standing.coordinate[:, : len(follows.outputs)]
 
     def _at_rest(self) -> Vector:
         by_force = self.drives[0].startswith("tension_in")

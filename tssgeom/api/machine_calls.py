@@ -15,21 +15,20 @@ from tssgeom.identify.machine_calibration import calibrate_machine
 from tssgeom.identify.machine_estimates import MachineCalibration
 from tssgeom.identify.machine_run import MachineRun, machine_run
 from tssgeom.io.formats.runs import MeasuredRun
-from tssgeom.mechanism import tendon_count
+from tssgeom.mechanism import numbered, tendon_count
 from tssgeom.result import Result
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
-from tssgeom.tendon.command_error import MOST_OUTSIDE, outside
+from tssgeom.tendon.command_error import MOST_OUTSIDE
 from tssgeom.tendon.commander import Policy
 from tssgeom.tendon.machine import Machine, machine_of, route_of_rig, routed
 from tssgeom.tendon.machine_channels import as_read, without_zero
 from tssgeom.tendon.machine_command import command_machine
-from tssgeom.tendon.machine_commander import joint_errors
+from tssgeom.tendon.machine_commander import machine_commander_of, output_errors
+from tssgeom.tendon.machine_error import outside_plane
 from tssgeom.tendon.machine_simulation import drive_of, simulated
+from tssgeom.tendon.machine_target import Following, following, lever, name_of
 from tssgeom.uncertain import Uncertain
-
-TARGET = "joint_angle_rad"
-"""Column of the target that a joint follows."""
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -48,7 +47,7 @@ class MachineChannels(Result):
     tension: Vector | None = None
     """Tension along each tendon at each time [N]; None of commands."""
     reached: Vector | None = None
-    """[n] Whether the joint gets where it is wanted; None of a simulation."""
+    """[n] Whether the end gets where it is wanted; None of a simulation."""
     warnings: tuple[str, ...] = ()
     """What to know of the run, a sentence each."""
 
@@ -73,7 +72,7 @@ def simulated_machine(run: MeasuredRun, machine: Machine) -> MachineChannels:
     """
     columns = _complete(run)
     name = drive_of(columns, machine.count)
-    end_given = machine.rig.end.given == "angle" and TARGET in columns
+    end_given = machine.rig.end.given == "angle" and "joint_angle_rad" in columns
     done = simulated(machine, columns, drive=name, end_given=end_given, profile=True)
     return MachineChannels({"time_s": run.time, **done.channels}, name, machine, done.tension)
 
@@ -87,39 +86,45 @@ def commanded_machine(
     tolerance: float | None = None,
     policy: Policy = "cross",
 ) -> MachineChannels:
-    """Return the angles of the motor that turn the joint along the target of a run, as its sensor reads them.
+    """Return what the drives have to do, as their sensors read it, so that the end follows targets of a run.
 
-    With the policy `wait` the motor is held inside the dead zone while the joint misses its target by no more
-    than the tolerance at its lever arm [m]. A motor that follows its command later gets it earlier. Where a
-    tolerance is given, or numbers of the rig are `uncertain`, the joint has a standard error too.
+    The targets are `joint_angle_rad` of a joint, `bending_x_rad` and `bending_y_rad` of a segment, one
+    `tension_out_k_N` of a blocked end for each motor. With the policy `wait` the drives are held inside the
+    dead zone while the end misses its target by no more than the tolerance [m]. A drive that follows its
+    command later gets it earlier. Where a tolerance is given, or numbers of the rig are `uncertain`, what
+    follows has standard errors too.
 
     Raises
     ------
     SettingsError
-        Where the run has no target, a sample is missing, or the machine has no joint.
+        Where the run has no target, a sample is missing, or nothing of the machine follows one.
     FitError
         Where the machine has no equilibrium.
     """
-    if rig.end.kind != "joint":
-        raise SettingsError(
-            "commands are for one tendon, or a motor that turns a joint: "
-            f"of end.kind = {rig.end.kind!r} with drive.kind = {rig.drive.kind!r} there are none"
-        )
-    if TARGET not in run.columns:
-        raise SettingsError(f"{run.path}: no column {TARGET}: a joint follows the angle in it; add one")
-    columns = _complete(run)
     if tolerance is not None and not 0.0 < tolerance < math.inf:
         raise SettingsError(f"--tolerance-mm is {1e3 * tolerance:g} mm: give a finite value > 0 mm")
-    target, machine = columns[TARGET], machine_on(arcs, rig)
-    least = None if policy == "cross" else (tolerance or 0.0) / (rig.end.radius_m or 1.0)
+    columns, machine = _complete(run), machine_on(arcs, rig)
+    commander = machine_commander_of(rig, tolerance=tolerance, waits=policy == "wait")
+    follows = _followed(run, rig)
+    targets = {name: columns[name] for name in follows.outputs if name in columns}
+    wanted = np.column_stack([targets.get(name, 0.0 * run.time) for name in follows.outputs])
     load = without_zero(columns, "joint_torque_Nm", rig)
-    commands = command_machine(machine, run.time, target, load, near_enough=least)
-    sent = np.interp(run.time - rig.drive.lag_s, run.time, commands.motor_angle)
-    read = as_read(sent, "motor_angle_rad", rig)
-    channels = {"motor_angle_rad": read, TARGET: commands.joint_angle}
-    for which in range(machine.count):
-        channels[f"tension_in_{which + 1}_N"] = commands.ends[:, which, 0]
-        channels[f"displacement_in_{which + 1}_m"] = commands.ends[:, which, 2]
+    moves = np.array([lever(rig, each) for each in wanted])
+
+    def near_enough(miss: Vector, _: Vector) -> bool:
+        return float(np.linalg.norm(moves[0] @ miss)) <= (tolerance or 0.0)
+
+    wait = near_enough if commander.waits else None
+    commands = command_machine(machine, run.time, targets, load, wait)
+    channels = dict[str, Vector]()
+    for name, values in zip(follows.inputs, commands.inputs.T, strict=True):
+        sent = np.interp(run.time - rig.drive.lag_s, run.time, values)
+        channels[name] = as_read(sent, name, rig)
+    driven = {"time_s": run.time, **channels}
+    channels |= dict(zip(follows.outputs, commands.outputs.T, strict=True))
+    for row, name in ((0, "tension_in_N"), (2, "displacement_in_m")):
+        for which, channel in enumerate(numbered(name, machine.count)):
+            channels.setdefault(channel, commands.ends[:, which, row])
     cut = [name for name in dict.fromkeys(commands.limited) if name]
     causes = {
         "targets are out of reach": ~commands.reached,
@@ -129,29 +134,42 @@ def commanded_machine(
         },
     }
     if tolerance is not None or any(each.stated for each in uncertain):
-        given = {name: columns[name] for name in columns.keys() & {"joint_torque_Nm"}}
-        driven = {"time_s": run.time, "motor_angle_rad": read, **given}
-        channels["joint_angle_se_rad"] = joint_errors(arcs, rig, driven, uncertain)
-    if tolerance is not None:
-        miss, error = (
-            rig.end.radius_m * each
-            for each in (commands.joint_angle - target, channels["joint_angle_se_rad"])
-        )
-        risk = np.array(
-            [outside(*each, tolerance) for each in zip(miss.tolist(), error.tolist(), strict=True)]
-        )
-        channels["out_of_tolerance"] = risk
-        beyond = f"targets may be missed by more than {1e3 * tolerance:g} mm at the lever arm of the joint"
-        causes[f"{beyond} with a probability above {100.0 * MOST_OUTSIDE:g} %"] = risk > MOST_OUTSIDE
+        driven |= {name: columns[name] for name in columns.keys() & {"joint_torque_Nm"}}
+        covariance = output_errors(arcs, rig, driven, uncertain, follows.outputs)
+        errors = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+        channels |= {name_of(name, "se"): errors[:, k] for k, name in enumerate(follows.outputs)}
+        if tolerance is not None:
+            miss = np.einsum("sij,sj->si", moves, commands.outputs - wanted)
+            of_end = moves @ covariance @ np.swapaxes(moves, 1, 2)
+            risk = np.array([outside_plane(*each, tolerance) for each in zip(miss, of_end, strict=True)])
+            channels["out_of_tolerance"] = risk
+            where = _WHERE.get(rig.end.kind, "")
+            beyond = f"targets may be missed by more than {1e3 * tolerance:g} mm{where}"
+            causes[f"{beyond} with a probability above {100.0 * MOST_OUTSIDE:g} %"] = risk > MOST_OUTSIDE
     rows = [(said, np.flatnonzero(are)) for said, are in causes.items()]
     warnings = tuple(
-        f"{len(at)} {said}, the first at {run.time[at[0]]:g} s: "
-        f"{target[at[0]]:.4g} rad is wanted, {commands.joint_angle[at[0]]:.4g} reached"
+        f"{len(at)} {said}, the first at {run.time[at[0]]:g} s: {_values(wanted[at[0]], follows)} is wanted, "
+        f"{', '.join(f'{each:.4g}' for each in commands.outputs[at[0]])} reached"
         for said, at in rows
         if len(at)
     )
     of = {"reached": commands.reached, "warnings": warnings}
-    return MachineChannels({"time_s": run.time, **channels}, TARGET, machine, **of)
+    return MachineChannels({"time_s": run.time, **channels}, ", ".join(follows.outputs), machine, **of)
+
+
+_WHERE = {"joint": " at the lever arm of the joint", "segment": " by the end of the segment"}
+
+
+def _followed(run: MeasuredRun, rig: Rig) -> Following:
+    try:
+        return following(rig, run.columns)
+    except SettingsError as error:
+        raise SettingsError(f"{run.path}: {error}") from error
+
+
+def _values(wanted: Vector, follows: Following) -> str:
+    unit = follows.outputs[0].rpartition("_")[2]
+    return ", ".join(f"{each:.4g}" for each in wanted) + f" {unit}"
 
 
 def _complete(run: MeasuredRun) -> Mapping[str, Vector]:

@@ -254,11 +254,10 @@ def compensate(  # pyright: ignore[reportInconsistentOverload]
         raise SettingsError(f"compensate: {next(iter(options))} is of one move: a run brings its targets")
     from tssgeom.api.inputs import route_of, run_of, temperature_of, uncertain_rig_of, warnings_of_run
     from tssgeom.api.runs import Compensation
-    from tssgeom.tendon.commander import commander_of, on_a_spring
+    from tssgeom.tendon.commander import commander_of
     from tssgeom.tendon.simulation import commands
 
     known, uncertain = uncertain_rig_of(rig)
-    known = on_a_spring(known)
     run, moving = run_of(arcs, known), route_of(state, known, unit)
     if known.is_machine:
         from tssgeom.api.machine_calls import commanded_machine

@@ -9,11 +9,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple, Protocol
 
-import msgspec
-
 from tssgeom.errors import SettingsError
-from tssgeom.mechanism import End
-from tssgeom.rig import Load, Rig
+from tssgeom.rig import Rig
 from tssgeom.tendon.command import Command, compensate
 from tssgeom.tendon.command_error import (
     DistalErrors,
@@ -292,29 +289,6 @@ def commander_of(
     if rig.is_machine:
         of_machine = machine_commander_of(rig, uncertain, tolerance=tolerance, waits=policy == "wait")
     return Commander(rig, variants_of(rig, uncertain, state), tolerance, policy, of_machine=of_machine)
-
-
-class EndSprings(NamedTuple):
-    """Springs of `[load]` that stand for other ends of one tendon in commands [N/m]."""
-
-    weight: float = 1e-3
-    """Chosen: over 10 mm the force changes by 10 µN."""
-    blocked: float = 1e8
-    """Chosen: with 100 N the end moves by 1 µm."""
-
-
-END_SPRINGS = EndSprings()
-
-
-def on_a_spring(rig: Rig) -> Rig:
-    """Return a rig whose one tendon, blocked or with a weight, pulls a spring instead; docs/model.md (337).
-
-    Other rigs are as they were.
-    """
-    if rig.drive.kind != "tendon" or rig.end.kind not in ("weight", "blocked"):
-        return rig
-    stiffness = END_SPRINGS.weight if rig.end.kind == "weight" else END_SPRINGS.blocked
-    return msgspec.structs.replace(rig, end=End(), load=Load(stiffness_N_per_m=stiffness))
 
 
 def carried_errors(rig: Rig, uncertain: Sequence[Uncertain]) -> Commander | None:

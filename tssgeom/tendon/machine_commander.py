@@ -1,31 +1,40 @@
-"""Commands of a joint in a stream: with the errors of route, rig and state, tolerance and policy.
+"""Commands of a machine in a stream: with the errors of route, rig and state, tolerance and policy.
 
 Sources: docs/model.md (212), (213), (215), (219).
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from tssgeom.arrays import Matrix, Vector, read_only
-from tssgeom.mechanism import per_motor_angle
+from tssgeom.errors import SettingsError
+from tssgeom.mechanism import per_motor_angle, tendon_count
 from tssgeom.rig import Rig, with_values
 from tssgeom.route.pieces import Arcs
 from tssgeom.route.resolution import NO_ERRORS, SharedErrors
-from tssgeom.tendon.command_error import is_near, outside, spread_of
 from tssgeom.tendon.machine import machine_of, routed
-from tssgeom.tendon.machine_channels import as_read
 from tssgeom.tendon.machine_command import MayWait
+from tssgeom.tendon.machine_error import covariance_of, is_near, outside_plane
 from tssgeom.tendon.machine_simulation import drive_channels, simulated
 from tssgeom.tendon.machine_stream import (
-    JOINT_TARGET,
     CarriedMachine,
+    MachineCommand,
     MachineMoment,
+    as_inputs,
     brings_drive,
     moved_machine,
+)
+from tssgeom.tendon.machine_target import (
+    Following,
+    following,
+    lever,
+    outputs_of,
+    wanted_of,
+    without_targets,
 )
 from tssgeom.uncertain import Uncertain, deviations
 
@@ -63,8 +72,6 @@ class MachineVariant:
     bent: float = 0.0
     """Standard errors of the route's angle by which it is bent more [1]."""
     state: CarriedMachine = field(default_factory=CarriedMachine)
-    joint: float = 0.0
-    """Angle of its joint [rad]."""
 
     def from_state(self, state: CarriedMachine) -> MachineVariant:
         """Return it with the state of the machine before, where it has none of its own."""
@@ -80,29 +87,33 @@ class MachineVariant:
     def after(self, readings: Mapping[str, float], at: Moved) -> MachineVariant:
         """Return it after a frame."""
         arcs = self.bent_route(at.arcs, at.shared.on(at.arcs).total_angle_se) if self.bent else at.arcs
-        moment = replace(at, arcs=arcs).moved(self.state, self.rig, readings)
-        assert moment.state.history is not None
-        joint = float(moment.state.history.state.coordinate[0])
-        return replace(self, state=moment.state, joint=joint)
+        return replace(self, state=replace(at, arcs=arcs).moved(self.state, self.rig, readings).state)
 
-    def to_angle(self, motor_read: float, measured: Mapping[str, float], at: Moved) -> MachineVariant:
-        """Return it after the motor has gone to an angle, as its sensor reads it [rad]."""
-        history, read = self.state.history, {"motor_angle_rad": motor_read}
-        if history is not None and history.drive == "displacement_in":
-            count = len(history.held)
-            arms = per_motor_angle(self.rig.drive, count) * motor_read
-            read = dict(zip(drive_channels(history.drive, count), arms.tolist(), strict=True))
-        return self.after({**measured, **read}, at)
+    def going_to(
+        self, command: Mapping[str, float], measured: Mapping[str, float], at: Moved
+    ) -> MachineVariant:
+        """Return it after the drives have gone where a command has them, as their sensors read it."""
+        drive = None if self.state.history is None else self.state.history.drive
+        return self.after({**measured, **as_drive(command, self.rig, drive)}, at)
+
+
+def as_drive(command: Mapping[str, float], rig: Rig, drive: str | None) -> Mapping[str, float]:
+    """Return a command as what drives: positions of the drives where those do and a motor is commanded."""
+    if drive != "displacement_in" or "motor_angle_rad" not in command:
+        return command
+    count = tendon_count(rig.drive, rig.end)
+    arms = per_motor_angle(rig.drive, count) * command["motor_angle_rad"]
+    return dict(zip(drive_channels(drive, count), arms.tolist(), strict=True))
 
 
 @dataclass(frozen=True, slots=True)
 class MachineCommander:
-    """What commands of a joint need beside the machine; each frame returns the one for the next frame."""
+    """What commands of a machine need beside it; each frame returns the one for the next frame."""
 
     tolerance: float | None = None
-    """Distance from the target that may be missed, at the lever arm of the joint [m]."""
+    """Distance from the target that the end may miss, by `lever` [m]."""
     waits: bool = False
-    """Whether the motor is held inside the dead zone where that is near enough to the target."""
+    """Whether the drives are held inside the dead zone where that is near enough to the target."""
     variants: tuple[MachineVariant, ...] = ()
     """Two for each uncertain number, a standard deviation higher and lower."""
 
@@ -116,46 +127,74 @@ class MachineCommander:
         SettingsError, FitError
             As `moved_machine`.
         """
-        target = readings.get(JOINT_TARGET)
-        measured = {name: value for name, value in readings.items() if name != JOINT_TARGET}
-        if target is None:
+        measured, targets = without_targets(readings, rig)
+        if not targets:
             moment = at.moved(state, rig, readings)
             return moment, replace(self, variants=tuple(each.after(measured, at) for each in self.variants))
-        driven, arm = brings_drive(measured, rig), rig.end.radius_m
+        follows, driven = following(rig, targets), brings_drive(measured, rig)
         before = tuple(each.from_state(state) for each in self.variants)
         if driven:
             before = tuple(each.after(measured, at) for each in before)
 
-        def may_wait(miss: float, motor: float) -> bool:
-            read = as_read(motor, "motor_angle_rad", rig)
-            error = _spread([each.to_angle(read, measured, at) for each in before])
-            return is_near(arm * miss, arm * error, self.tolerance)
+        def after(command: Mapping[str, float]) -> tuple[MachineVariant, ...]:
+            return tuple(each.going_to(command, measured, at) for each in before)
 
-        moment = at.moved(state, rig, readings, may_wait if self.waits else None)
+        wait = self.may_wait(follows, rig, targets, lambda command: _covariance(follows, after(command)))
+        moment = at.moved(state, rig, readings, wait)
         command = moment.command
         if command is None or not (self.variants or self.tolerance is not None):
             return moment, self
-        trials = tuple(each.to_angle(command.motor_angle, measured, at) for each in before)
-        error = _spread(trials)
-        miss = command.joint_angle - target
-        risk = None if self.tolerance is None else outside(arm * miss, arm * error, self.tolerance)
-        command = command._replace(joint_angle_se=error, out_of_tolerance=risk)
+        trials = after(command.inputs)
+        command = self.with_errors(command, _covariance(follows, trials), rig, targets)
         return moment._replace(command=command), replace(self, variants=before if driven else trials)
 
+    def may_wait(
+        self,
+        follows: Following,
+        rig: Rig,
+        targets: Mapping[str, float],
+        covariance: Callable[[Mapping[str, float]], Matrix],
+    ) -> MayWait | None:
+        """Return what says whether drives may be held, by the covariance of outputs after a command."""
+        if not self.waits:
+            return None
+        moves = lever(rig, wanted_of(follows, targets))
 
-def _spread(variants: Sequence[MachineVariant]) -> float:
-    """Return how far the joints of variants are apart [rad], two of each number."""
-    return float(_spread_of(np.array([[each.joint] for each in variants]))[0]) if variants else 0.0
+        def near(miss: Vector, inputs: Vector) -> bool:
+            of_end = moves @ covariance(as_inputs(follows, inputs, rig)) @ moves.T
+            return is_near(moves @ miss, of_end, self.tolerance)
+
+        return near
+
+    def with_errors(
+        self, command: MachineCommand, covariance: Matrix, rig: Rig, targets: Mapping[str, float]
+    ) -> MachineCommand:
+        """Return a command with the errors of its outputs, and the probability that it misses its target."""
+        errors = dict(zip(command.outputs, np.sqrt(np.diag(covariance)).tolist(), strict=True))
+        risk = None
+        if self.tolerance is not None:
+            wanted = np.array([targets.get(each, 0.0) for each in command.outputs])
+            moves, reached = lever(rig, wanted), np.array([*command.outputs.values()])
+            risk = outside_plane(moves @ (reached - wanted), moves @ covariance @ moves.T, self.tolerance)
+        return command._replace(errors=errors, out_of_tolerance=risk)
 
 
-def _spread_of(angles: Matrix) -> Vector:
-    return spread_of(angles, np.full(len(angles), 0.5))
+def _covariance(follows: Following, variants: Sequence[MachineVariant]) -> Matrix:
+    """Return the covariance of the outputs of variants [d, d], two of each number."""
+    stand = [each.state.history.state for each in variants if each.state.history is not None]
+    if not stand:
+        return np.zeros((len(follows.outputs),) * 2)
+    return covariance_of(np.array([outputs_of(follows, each) for each in stand]))
 
 
-def joint_errors(
-    arcs: Sequence[Arcs], rig: Rig, run: Mapping[str, Vector], uncertain: Sequence[Uncertain]
-) -> Vector:
-    """Return the standard error of a joint under commands, by its routes and its rig [n] [rad].
+def output_errors(
+    arcs: Sequence[Arcs],
+    rig: Rig,
+    run: Mapping[str, Vector],
+    uncertain: Sequence[Uncertain],
+    outputs: Sequence[str],
+) -> np.ndarray:
+    """Return the covariance of what follows commands, by its routes and its rig [n, d, d].
 
     Parameters
     ----------
@@ -164,9 +203,11 @@ def joint_errors(
     rig
         The machine.
     run
-        Columns: `time_s`, `motor_angle_rad` as commanded, and what acts on the joint.
+        Columns: `time_s`, the commands, and what acts on a joint.
     uncertain
         Numbers of the rig that have a standard deviation.
+    outputs
+        [d] Channels that follow.
 
     Raises
     ------
@@ -175,12 +216,12 @@ def joint_errors(
     FitError
         Where a machine has no equilibrium there.
     """
-    angles = list[Vector]()
+    values = list[Matrix]()
     for each in (*_of_numbers(rig, uncertain), *_of_route(rig)):
         routes = [routed(each.bent_route(one, one.total_angle_se), each.rig) for one in arcs]
-        done = simulated(machine_of(each.rig, routes), run, drive="motor_angle_rad")
-        angles.append(done.channels["joint_angle_rad"])
-    return _spread_of(np.array(angles))
+        channels = simulated(machine_of(each.rig, routes), run).channels
+        values.append(np.column_stack([channels[name] for name in outputs]))
+    return np.array([covariance_of(each) for each in np.swapaxes(np.array(values), 0, 1)])
 
 
 def machine_commander_of(
@@ -191,8 +232,11 @@ def machine_commander_of(
     Raises
     ------
     SettingsError
-        Where a number is out of bounds a standard deviation from its value.
+        Where a number is out of bounds a standard deviation from its value, or an end that stands has a
+        tolerance.
     """
+    if tolerance is not None and rig.end.kind == "blocked":
+        raise SettingsError("--tolerance-mm is of an end that moves, and this one is blocked: leave it out")
     variants = _of_numbers(rig, uncertain)
     if variants or waits or tolerance is not None:
         variants += _of_route(rig)

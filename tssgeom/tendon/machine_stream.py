@@ -24,7 +24,7 @@ from tssgeom.tendon.bars.plant import Memory
 from tssgeom.tendon.capstan import MOST_TENSION
 from tssgeom.tendon.machine import Machine, machine_of, on_routes, routed
 from tssgeom.tendon.machine_channels import as_read, without_zero
-from tssgeom.tendon.machine_command import MayWait, next_angle
+from tssgeom.tendon.machine_command import MayWait, next_command
 from tssgeom.tendon.machine_history import GIVEN_DRIVES, DriveName, MachineHistory
 from tssgeom.tendon.machine_simulation import (
     begun,
@@ -34,12 +34,18 @@ from tssgeom.tendon.machine_simulation import (
     with_pending,
     with_torque,
 )
+from tssgeom.tendon.machine_target import (
+    Following,
+    following,
+    name_of,
+    possible_inputs,
+    possible_outputs,
+    wanted_of,
+    without_targets,
+)
 from tssgeom.tendon.moving import unmoved
 from tssgeom.tendon.state import SHARPER, TendonState
 from tssgeom.tendon.transmission import Transmission
-
-JOINT_TARGET = "joint_angle_target_rad"
-"""Reading of a frame that is no measurement: the angle at which the joint is wanted."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,22 +66,32 @@ class CarriedMachine:
 
 
 class MachineCommand(NamedTuple):
-    """What the motor has to do for the target of a frame."""
+    """What the drives have to do for the target of a frame."""
 
-    motor_angle: float
-    """Angle at which the joint gets where it is wanted, as the sensor of the motor reads it [rad]."""
-    joint_angle: float
-    """Angle that the joint gets to [rad]."""
+    inputs: Mapping[str, float]
+    """Angle of the motor [rad], or position of each drive [m], as sensors read it, by channel."""
+    outputs: Mapping[str, float]
+    """What the end gets to, by the channel that follows."""
     reached: bool
     """Whether that is the target."""
     limited: str = ""
     """Limits of the drive that cut it, by their keys in `[drive] limits`."""
     waits: bool = False
-    """Whether the motor is held inside the dead zone."""
-    joint_angle_se: float | None = None
-    """Standard error of the angle that the joint gets to [rad]; None where no error is computed."""
+    """Whether the drives are held inside the dead zone."""
+    errors: Mapping[str, float] = {}
+    """Standard errors of the outputs; none where none is computed."""
     out_of_tolerance: float | None = None
-    """Probability that the joint misses its target by more than the tolerance [1]; None without one."""
+    """Probability that the end misses its target by more than the tolerance [1]; None without one."""
+
+    @property
+    def numbers(self) -> dict[str, float]:
+        """It by the names of answers and tables: what it gets to only where that is not the target."""
+        misses = not self.reached or bool(self.limited) or self.waits
+        return {
+            **{name_of(each, "command"): value for each, value in self.inputs.items()},
+            **({name_of(each, "reached"): value for each, value in self.outputs.items()} if misses else {}),
+            **{name_of(each, "se"): value for each, value in self.errors.items()},
+        }
 
 
 class MachineMoment(NamedTuple):
@@ -96,14 +112,7 @@ class MachineMoment(NamedTuple):
     @property
     def numbers(self) -> dict[str, float]:
         """Channels, and the command where there is one, by the names of answers and tables."""
-        if self.command is None:
-            return dict(self.channels)
-        command = {"motor_angle_command_rad": self.command.motor_angle}
-        if not self.command.reached or self.command.limited or self.command.waits:
-            command["joint_angle_reached_rad"] = self.command.joint_angle
-        if self.command.joint_angle_se is not None:
-            command["joint_angle_se_rad"] = self.command.joint_angle_se
-        return {**self.channels, **command}
+        return {**self.channels, **({} if self.command is None else self.command.numbers)}
 
 
 def moved_machine(
@@ -128,7 +137,7 @@ def moved_machine(
     rig
         The machine.
     readings
-        What the frame measures, by channel, and `joint_angle_target_rad`. The first one decides what drives.
+        What the frame measures, by channel, and its targets. The first frame decides what drives.
     time
         Time of the frame [s].
     tension_in
@@ -146,29 +155,29 @@ def moved_machine(
         Where the machine has no equilibrium.
     """
     machine, route, before = _on_route(state, arcs, rig)
-    target = readings.get(JOINT_TARGET)
-    run = dict(with_torque({name: np.array([value]) for name, value in readings.items()}, rig))
+    measured, targets = without_targets(readings, rig)
+    run = dict(with_torque({name: np.array([value]) for name, value in measured.items()}, rig))
     run["time_s"] = np.array([time])
-    drive, is_driven = driven_by(run, before, rig, machine.count, target)
+    drive, is_driven = driven_by(run, before, rig, machine.count, targets)
     if before is None:
         before = begun(machine, drive, run["time_s"])
-    if not is_driven and target is None:
+    if not is_driven and not targets:
         run |= held_drive(drive, machine, tension_in)
     end_given = rig.end.given == "angle" and "joint_angle_rad" in run
     elapsed = 0.0 if state.history is None else max(time - state.time, 0.0)
     command = None
-    if not is_driven and target is not None:
-        command = command_of(machine, before, run, target, elapsed, may_wait)
-        run["motor_angle_rad"] = np.array([command.motor_angle])
+    if not is_driven and targets:
+        command = command_of(machine, before, run, targets, elapsed, may_wait)
+        run |= {name: np.array([value]) for name, value in command.inputs.items()}
     done = simulated(machine, run, end_given=end_given, before=before)
-    if is_driven and target is not None:
-        command = command_of(machine, done.history, run, target, elapsed, may_wait)
+    if is_driven and targets:
+        command = command_of(machine, done.history, run, targets, elapsed, may_wait)
     channels = {name: float(values[0]) for name, values in done.channels.items()}
     _check(done.history, drive)
     after = CarriedMachine(machine, route, done.history, state.way)
     tendon, ends = first_tendon(after, machine, done.history, channels, shared)
     after = replace(after, way=ends.direction_index)
-    return MachineMoment(after, channels, command, tendon, ends, is_driven or target is not None)
+    return MachineMoment(after, channels, command, tendon, ends, is_driven or bool(targets))
 
 
 def _on_route(state: CarriedMachine, arcs: Arcs, rig: Rig) -> tuple[Machine, Arcs, MachineHistory | None]:
@@ -184,7 +193,7 @@ def _on_route(state: CarriedMachine, arcs: Arcs, rig: Rig) -> tuple[Machine, Arc
 
 
 def driven_by(
-    run: Mapping[str, Vector], before: MachineHistory | None, rig: Rig, count: int, target: float | None
+    run: Mapping[str, Any], before: MachineHistory | None, rig: Rig, count: int, targets: Mapping[str, float]
 ) -> tuple[DriveName, bool]:
     """Return what drives, and whether the frame brings it.
 
@@ -197,12 +206,13 @@ def driven_by(
     if before is None and brought:
         return drive_of(run, count), True
     if before is None:
-        by_position: DriveName = "motor_angle_rad" if target is not None else "displacement_in"
-        return (by_position if target is not None or rig.end.kind == "carried" else "tension_in"), False
+        if targets:
+            return following(rig, targets).drive, False
+        return ("displacement_in" if rig.end.kind == "carried" else "tension_in"), False
     names = drive_channels(before.drive, count)
     if all(name in run for name in names):
         return before.drive, True
-    if brought or (target is not None and before.drive != "motor_angle_rad"):
+    if brought or (targets and before.drive != following(rig, targets).drive):
         raise SettingsError(f"no {names[0]}, which drove before: give it in each frame, or begin anew")
     return before.drive, False
 
@@ -242,17 +252,26 @@ def command_of(
     machine: Machine,
     history: MachineHistory,
     run: Mapping[str, Vector],
-    target: float,
+    targets: Mapping[str, float],
     elapsed: float,
     may_wait: MayWait | None,
 ) -> MachineCommand:
-    """Return what the motor has to do for a target [rad] from where the machine stands."""
+    """Return what the drives have to do for the targets of a frame from where the machine stands."""
+    rig, follows = machine.rig, following(machine.rig, targets)
     history = with_pending(machine, history, float(run["time_s"][0]))
     span = max(float(run["time_s"][0]) - history.time, 0.0)
-    load = float(without_zero(run, "joint_torque_Nm", machine.rig)[0])
-    following = next_angle(machine, history, span, load, target, elapsed, may_wait)
-    read = as_read(following.motor, "motor_angle_rad", machine.rig)
-    return MachineCommand(read, following.joint, following.reached, following.limited, following.waits)
+    load = float(without_zero(run, "joint_torque_Nm", rig)[0])
+    target = wanted_of(follows, targets)
+    done = next_command(machine, history, follows, span, load, target, elapsed, may_wait)
+    outputs = dict(zip(follows.outputs, done.outputs.tolist(), strict=True))
+    inputs = as_inputs(follows, done.inputs, rig)
+    return MachineCommand(inputs, outputs, done.reached, done.limited, done.waits)
+
+
+def as_inputs(follows: Following, inputs: Vector, rig: Rig) -> dict[str, float]:
+    """Return inputs [c] as their sensors read them, by channel."""
+    pairs = zip(follows.inputs, inputs.tolist(), strict=True)
+    return {name: as_read(value, name, rig) for name, value in pairs}
 
 
 def first_tendon(
@@ -307,5 +326,7 @@ def numbers_of(rig: Rig) -> tuple[str, ...]:
     """Return the names of `MachineMoment.numbers` that a rig may have; none of one tendon on a spring."""
     if not rig.is_machine:
         return ()
-    commands = ("motor_angle_command_rad", "joint_angle_reached_rad", "joint_angle_se_rad")
-    return (*channels_of(rig), *(commands if rig.end.kind == "joint" else ()))
+    outputs = possible_outputs(rig)
+    names = [name_of(each, "command") for each in (possible_inputs(rig) if outputs else ())]
+    names += [name_of(each, role) for each in outputs for role in ("reached", "se")]
+    return (*channels_of(rig), *names)

@@ -32,15 +32,18 @@ MOST_TENDONS = 12
 """Chosen: a rig of four segments with three tendons each. Greatest number in the name of a channel."""
 
 
-def _machine_channels() -> dict[str, tuple[str, float]]:
+def _machine_channels(*, with_targets: bool) -> dict[str, tuple[str, float]]:
     of_one = {
         "rad": {"motor_angle", "joint_angle", "bending_x", "bending_y"},
         "Nm": {"motor_torque", "joint_torque"},
         "A": {"motor_current"},
         "m": {f"tip_{axis}" for axis in AXES},
     }
+    targets = {f"{stem}_target" for stem in ("joint_angle", "bending_x", "bending_y")}
+    of_one["rad"] |= targets if with_targets else set()
     for which in range(1, MOST_TENDONS + 1):
         of_one["N"] = of_one.get("N", set()) | {f"tension_in_{which}", f"tension_out_{which}"}
+        of_one["N"] |= {f"tension_out_{which}_target"} if with_targets else set()
         of_one["m"] |= {f"displacement_in_{which}", f"displacement_out_{which}"}
     small = {"rad": ("deg", 180.0 / math.pi), "Nm": ("mNm", 1e3), "A": ("mA", 1e3), "m": ("mm", 1e3)}
     channels = dict[str, tuple[str, float]]()
@@ -52,7 +55,7 @@ def _machine_channels() -> dict[str, tuple[str, float]]:
     return channels
 
 
-MACHINE_CHANNELS = _machine_channels()
+MACHINE_CHANNELS = _machine_channels(with_targets=False)
 """Columns of a rig with several tendons, a joint or a segment: the name in SI, and how many of the unit make
 one in SI."""
 _OF_FRAMES_ALONE = {
@@ -70,10 +73,7 @@ MEASURED = {
 }
 """Those that a frame can hold."""
 
-OF_MACHINE = MACHINE_CHANNELS | {
-    "joint_angle_target_rad": ("joint_angle_target_rad", 1.0),
-    "joint_angle_target_deg": ("joint_angle_target_rad", 180.0 / math.pi),
-}
+OF_MACHINE = _machine_channels(with_targets=True)
 """Columns of a machine that a frame can hold, as `MACHINE_CHANNELS`."""
 
 _MEASUREMENTS = ("tension", "displacement", "elongation", "temperature", "time", "noise", "curvature_noise")

@@ -185,7 +185,7 @@ def answer(result: FrameResult, time: float, seq: int, latency_us: float, droppe
         latency_us=latency_us,
         dropped=dropped,
         stale=False,
-        **(_of_command(result.command) if result.machine is None else _of_joint(result.machine.command)),
+        **(_of_command(result.command) if result.machine is None else _of_machine(result.machine.command)),
         followed=None if result.followed is None else _numbers(result.followed),
         alert=None if result.alert is None else _alert(result.alert, time - result.frame.time),
         id=result.frame.id,
@@ -217,8 +217,8 @@ def _of_command(command: Command | None) -> dict[str, Any]:
     }
 
 
-def _of_joint(command: MachineCommand | None) -> dict[str, Any]:
-    """Return the part of an answer on the command of a joint that is no number of the machine."""
+def _of_machine(command: MachineCommand | None) -> dict[str, Any]:
+    """Return the part of an answer on the command of a machine that is no number of it."""
     if command is None:
         return {}
     risk = command.out_of_tolerance

@@ -50,16 +50,16 @@ def computed_figure(
     """
     time = channels["time_s"]
     rows = dict[str, list[str]]()
-    error = channels.get("joint_angle_se_rad")
+    errors = {each.replace("_se_", "_"): values for each, values in channels.items() if "_se_" in each}
     for each in channels:
-        if each not in ("time_s", "joint_angle_se_rad", "out_of_tolerance"):
+        if "_se_" not in each and each not in ("time_s", "out_of_tolerance"):
             rows.setdefault(_NUMBER.sub("", each), []).append(each)
     with figure((PAGE, _ROW * len(rows) + 0.5)) as drawing:
         every = drawing.subplots(len(rows), 1, sharex=True, squeeze=False)[:, 0]
         for axes, each in zip(every, rows.values(), strict=True):
-            if each == ["joint_angle_rad"] and error is not None:
-                of, bound = quantity(*each), NORMAL_95 * error
-                ends = (of.factor * (channels[each[0]] + by) for by in (-bound, bound))
+            for name in errors.keys() & set(each):
+                of, bound = quantity(name), NORMAL_95 * errors[name]
+                ends = (of.factor * (channels[name] + by) for by in (-bound, bound))
                 axes.fill_between(time, *ends, color=BAND, linewidth=0, label="95 % bounds")
             _draw_computed(axes, time, {name: channels[name] for name in each}, readings, given)
         every[0].set_title(name)
