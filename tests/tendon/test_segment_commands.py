@@ -24,6 +24,7 @@ from tssgeom.tendon.machine_command import command_machine
 from tssgeom.tendon.machine_error import outside_plane
 from tssgeom.tendon.machine_simulation import simulate_machine
 from tssgeom.uncertain import Prior, Uncertain
+from tssgeom.view.figures.machine import computed_figure
 
 TIME = np.linspace(0.0, 10.0, 101)
 SPIRAL = {
@@ -246,3 +247,13 @@ def test_drives_that_wait_stand_while_the_target_trembles_inside_the_tolerance()
     assert np.ptp(moved["wait"][drive][8:25]) < 1e-12
     assert np.ptp(moved["cross"][drive][8:25]) > 3e-4
     assert moved["wait"]["bending_x_rad"][-1] == pytest.approx(0.1, abs=1e-6)
+
+
+def test_the_figure_of_commands_has_targets_and_bounds_of_both_bendings():
+    hardware = segment()
+    known = Uncertain("friction.coefficient", Prior(0.12, 0.03, log=False), stated=True)
+    run = MeasuredRun("circle", Path("circle.csv"), TIME, of_machine=SPIRAL)
+    done = commanded_machine(run, [HALF_CIRCLE], hardware, [known])
+    rows = computed_figure("a segment", done.channels, run.columns, "target").axes
+    assert rows[0].get_title(loc="left") == "a segment"
+    assert [len(axes.collections) for axes in rows] == [0, 1, 1, 0]

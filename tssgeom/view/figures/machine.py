@@ -57,9 +57,9 @@ def computed_figure(
     with figure((PAGE, _ROW * len(rows) + 0.5)) as drawing:
         every = drawing.subplots(len(rows), 1, sharex=True, squeeze=False)[:, 0]
         for axes, each in zip(every, rows.values(), strict=True):
-            for name in errors.keys() & set(each):
-                of, bound = quantity(name), NORMAL_95 * errors[name]
-                ends = (of.factor * (channels[name] + by) for by in (-bound, bound))
+            for known in errors.keys() & set(each):
+                of, bound = quantity(known), NORMAL_95 * errors[known]
+                ends = (of.factor * (channels[known] + by) for by in (-bound, bound))
                 axes.fill_between(time, *ends, color=BAND, linewidth=0, label="95 % bounds")
             _draw_computed(axes, time, {name: channels[name] for name in each}, readings, given)
         every[0].set_title(name)
