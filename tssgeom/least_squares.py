@@ -30,7 +30,8 @@ class SolverSettings:
     passes: int = 12
     """Positions at which derivatives are computed [1]; chosen: three to six are usual."""
     quick: int = 2
-    """The same in a first fit, which only ranks candidates [1]; chosen for speed."""
+    """The same in a first fit, which only ranks candidates [1]; chosen for speed: a play has a corner, and
+    one step goes half the way."""
     converged: float = 0.05
     """Fall of χ², or square of a step in standard errors, below which a fit has converged [1]; chosen: 0.2
     standard errors of one number."""

@@ -34,9 +34,6 @@ class FilterSettings(NamedTuple):
     bent: float = 0.3
     """Share of its noise by which an error of the drive may bend a reading that is used [1]. Chosen: just
     behind a turn the tension is no straight line over the drive, and its mean would be biased."""
-    felt: float = 0.01
-    """Share of its noise by which a drive has to move a reading that shows its turn [1]; chosen: less is
-    rounding."""
     straight: float = 2.0
     """Scales of a number after which its straight line is computed anew [1]. Chosen: friction is exact,
     (201)."""

@@ -13,6 +13,7 @@ from tssgeom import core
 from tssgeom.adapt.members import SETTINGS, Standing
 from tssgeom.adapt.trailed_drive import TrailedDrive
 from tssgeom.arrays import Matrix, Vector
+from tssgeom.plausibility.limits import LIMITS as PLAUSIBLE
 
 PROBES = 2
 """Members for each drive that show what an error of it does [1]; derived: one either way."""
@@ -131,6 +132,6 @@ def _compared(
         given,
         noise_variance,
         np.array([(one.off, one.share, one.way) for one in drives], dtype=np.float64),
-        SETTINGS.felt,
+        PLAUSIBLE.negligible,
         SETTINGS.bent,
     )

@@ -43,8 +43,8 @@ class ChainFit(NamedTuple):
     """Decrease that may still come, or the fit is given up [promised decrease of the next step]; chosen."""
 
     most_turn: float = 2.0
-    """Greatest turn from point to point that is identifiable, and half of it between points that have
-    unobserved ones between them [rad]; chosen, below π."""
+    """Greatest turn from point to point that is identifiable, from which on two points may be exchanged, and
+    half of it between points that have unobserved ones between them [rad]; chosen, below π."""
     wide: float = 3.0
     """Distance of points that have unobserved ones between them [mean spacings]; chosen."""
 

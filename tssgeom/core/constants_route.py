@@ -8,7 +8,7 @@ class OutlierLimits(NamedTuple):
 
     share: float = 0.1
     """Most outliers of all values, or of those side by side; where there are more, the fit, or the order, is
-    wrong [1]; chosen."""
+    wrong [1]; chosen. The largest deviations that do not determine the spread of inputs of a batch."""
 
     bend_share: float = 0.3
     """Residual over κh² that a jump of curvature alone gives a point of a smooth curve [1]; chosen."""
@@ -62,7 +62,8 @@ class PointLimits(NamedTuple):
     """Which coordinates can be those of a route."""
 
     least_extent: float = 1e-6
-    """Extent below which points have none [m]. Chosen: below any tendon."""
+    """Extent below which points have none, and distance from a wall that every point is allowed [m]. Chosen:
+    below any tendon."""
     usual_least: float = 1e-3
     """Extent below which the unit may be wrong [m]. Chosen."""
     usual_most: float = 100.0

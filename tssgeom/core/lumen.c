@@ -160,7 +160,7 @@ status tss_nearest_on_wall(
         for (int c = 0; c < 3; c++) position[i][c] = points[i][c]; /* for points that are not finite */
         search(points[i], &square, &tree, position[i], NULL);
         distance[i] = sqrt(square);
-        double near = WALL.same_point * (distance[i] + WALL.smallest_distance);
+        double near = WALL.same_point * (distance[i] + POINTS.least_extent);
         square = near * near;
         int64_t count = search(position[i], &square, &tree, at, around);
         for (int64_t k = 0; k < count; k++) { /* the mean normal, weighted by angle; (144) */

@@ -17,7 +17,7 @@ from tssgeom.effects import KINDS
 from tssgeom.errors import TssgeomError
 from tssgeom.identify.assembly import Work
 from tssgeom.identify.fit import Fit, Point, Problem, columns, freed, refined
-from tssgeom.identify.law_search import LESS, LawSearch, as_fit
+from tssgeom.identify.law_search import LAW_SEARCH, LESS, LawSearch, as_fit
 from tssgeom.identify.screening import ScoreTest, detection_limits
 from tssgeom.identify.selection import Step, Tried, close_candidates, separable_from
 
@@ -33,8 +33,6 @@ class CandidateSettings:
     visible: float = 0.9
     """Of a signature: share beyond friction and compliance, by straight lines, above which it is not tried as
     hidden [1]; chosen for speed: the refit decides."""
-    most: int = 4
-    """Models that are separated at most; chosen for speed."""
 
 
 CANDIDATES = CandidateSettings()
@@ -103,14 +101,14 @@ def left_by(work: Work) -> Left[CandidateModel]:
     others = _runners_up(work, last)
     if not others:
         return Left((_of_fit(work.chosen.fit, last.tried[0].name),), first.threshold, limits)
-    few = (last.tried[0], *others)[: CANDIDATES.most]
+    few = (last.tried[0], *others)[: LAW_SEARCH.fitted]
     return Left(tuple(_of_fit(one.fit, one.name) for one in few), separable_from(), limits)
 
 
 def _laws_and_others(laws: LawSearch) -> tuple[CandidateModel, ...]:
     """Return the first part that was taken and those with nearly its evidence, each as it was fitted."""
     offers = [one for one in laws.rounds[0] if one.veto in ("", LESS)]
-    near = [one for one in offers if offers[0].gain - one.gain < CANDIDATES.near][: CANDIDATES.most]
+    near = [one for one in offers if offers[0].gain - one.gain < CANDIDATES.near][: LAW_SEARCH.fitted]
     return tuple(_of_fit(as_fit(one.fit), one.label) for one in near)
 
 
@@ -156,7 +154,7 @@ def _hidden(work: Work) -> list[CandidateModel]:
         most = max(one.delta_bic for one in small)
         near = [one for one in small if most - one.delta_bic < CANDIDATES.near]
         near.sort(key=lambda one: -one.delta_bic)
-        return [_of_fit(one.fit, one.name) for one in near[: CANDIDATES.most - 1]]
+        return [_of_fit(one.fit, one.name) for one in near[: LAW_SEARCH.fitted - 1]]
     best = dict[str, ScoreTest]()
     for test in first.screening.tests:
         name = test.variant.name
@@ -171,7 +169,7 @@ def _hidden(work: Work) -> list[CandidateModel]:
     ]
     base, most = work.chosen.fit, CANDIDATES.sure * first.threshold
     models = (_hidden_model(problem, base, test, most) for test in sorted(tied, key=_visible))
-    return [model for model in models if model is not None][: CANDIDATES.most - 1]
+    return [model for model in models if model is not None][: LAW_SEARCH.fitted - 1]
 
 
 def _tied_to_rig(name: str) -> bool:

@@ -30,7 +30,7 @@ class LawSearchSettings:
 
     fitted: int = 4
     """Laws, and formulae, that are fitted after their score test, and best of both that are fitted to the end
-    and judged; chosen for speed."""
+    and judged; models of all kinds that are separated, at most; chosen for speed."""
 
 
 LAW_SEARCH = LawSearchSettings()

@@ -8,7 +8,7 @@ numbers that are known least: from each point that they pass the numbers may go 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -34,7 +34,8 @@ class BendFitSettings:
     followed: int = 2
     """Numbers along which fits go on [1]; chosen for speed."""
     alike: float = 0.9
-    """Correlation from which one number is followed with another [1]; chosen."""
+    """Correlation from which one number is followed with another, by fits and along a posterior [1];
+    chosen."""
     beyond: float = 1.5
     """Half intervals by which a number is pulled beyond its interval [1]; chosen."""
     pull: float = 0.3
@@ -49,8 +50,6 @@ class BendFitSettings:
     """Change of the inflation from which a fit is made again [1]; chosen."""
     most: int = 400
     """Samples of all runs that are fitted from other bends; more are thinned instead; chosen for speed."""
-    lower: float = 1.0
-    """Fall of χ² by which another fit is better [1]; chosen."""
 
 
 BEND_FITS = BendFitSettings()
@@ -109,13 +108,24 @@ def followed(problem: Problem, state: FitState) -> tuple[Problem, FitState, Vall
         fits.from_other_bends()
     lowest = fits.lowest().point
     channels = problem.model(lowest.u)
-    if fits.real and fits.passed[0].point.chi2 - lowest.chi2 > BEND_FITS.lower and channels is not None:
+    fall = fits.passed[0].point.chi2 - lowest.chi2
+    if fits.real and fall > 1.0 and channels is not None:  # more than a standard deviation of one number
         there = replace(state, u=lowest.u, channels=channels, left=problem.left(channels), beside=None)
         problem, state = _with_own_weights(*fitted_again(replace(problem, too_few_bars=()), there))
         fits = fits.with_weights(problem, state)
         fits.begin(state.u)
     fits.along_widest()
     return problem, state, fits.valley()
+
+
+def unlike(covariance: Matrix, order: Iterable[int], most: int) -> list[int]:
+    """Return the first numbers in an order, so many at most, none of which goes with one before it."""
+    sd, taken = np.sqrt(np.diag(covariance)), list[int]()
+    for j in order:
+        alike = [abs(covariance[j, k]) / (sd[j] * sd[k]) for k in taken]
+        if len(taken) < most and max(alike, default=0.0) < BEND_FITS.alike:
+            taken.append(j)
+    return taken
 
 
 def _with_own_weights(problem: Problem, state: FitState) -> tuple[Problem, FitState]:
@@ -182,7 +192,10 @@ class _Fits:
 
     def along_widest(self) -> None:
         """Follow fits that pull the numbers that are known least beyond their intervals; (328)."""
-        for j in list(self._widest()):
+        covariance = self.lowest().covariance
+        sd = np.sqrt(np.diag(covariance)) * self.steps.sd
+        order = sorted(self._of_rig(), key=lambda j: -sd[j])
+        for j in unlike(covariance, order, BEND_FITS.followed):
             for way in (-1.0, 1.0):
                 self._go_beyond(j, way)
 
@@ -196,16 +209,6 @@ class _Fits:
         """Return how far a number may go one way from a point."""
         left = BEND_FITS.two - (each.point.chi2 - self.lowest().point.chi2)
         return way * each.point.u[j] + math.sqrt(each.covariance[j, j] * left) if left > 0.0 else -np.inf
-
-    def _widest(self) -> Iterator[int]:
-        """Yield the numbers of the rig that are known least, none like another."""
-        covariance, taken = self.lowest().covariance, list[int]()
-        sd = np.sqrt(np.diag(covariance))
-        for j in sorted(self._of_rig(), key=lambda j: -sd[j] * self.steps.sd[j]):
-            alike = [abs(covariance[j, k]) / (sd[j] * sd[k]) for k in taken]
-            if len(taken) < BEND_FITS.followed and max(alike, default=0.0) < BEND_FITS.alike:
-                taken.append(j)
-                yield j
 
     def valley(self) -> Valley:
         """Return the points that were passed."""

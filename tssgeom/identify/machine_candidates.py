@@ -15,6 +15,7 @@ from tssgeom.arrays import Matrix, Vector
 from tssgeom.errors import TssgeomError
 from tssgeom.identify.candidate_models import BASE, CANDIDATES
 from tssgeom.identify.expected_evidence import Information
+from tssgeom.identify.law_search import LAW_SEARCH
 from tssgeom.identify.machine_evidence import FittedModel
 from tssgeom.identify.machine_finding import MachineWork
 from tssgeom.identify.machine_parameters import Parameter, parameters_of
@@ -57,7 +58,7 @@ def candidates_of(work: MachineWork) -> list[MachineCandidate]:
         hidden = [one for one in tried if not (one.refusal or one.part.laws)]
         hidden.sort(key=lambda one: -one.delta_bic)
         base = _candidate(BASE, work.base, may_be_true=False)
-        return [base, *_named(hidden[: CANDIDATES.most - 1], hidden=True)]
+        return [base, *_named(hidden[: LAW_SEARCH.fitted - 1], hidden=True)]
     last = steps[-1]
     best = last.chosen
     assert best is not None
@@ -65,7 +66,7 @@ def candidates_of(work: MachineWork) -> list[MachineCandidate]:
     others = [one for one in near if one.part.label != best.part.label]
     if not others:
         return [_candidate(best.part.label, work.chosen.model, may_be_true=True)]
-    return _named([best, *others][: CANDIDATES.most])
+    return _named([best, *others][: LAW_SEARCH.fitted])
 
 
 def _named(tried: Sequence[TriedPart], *, hidden: bool = False) -> list[MachineCandidate]:

@@ -21,6 +21,7 @@ from tssgeom.identify.law_smoothness import law_precision
 from tssgeom.identify.machine_run import MachineRun
 from tssgeom.identify.mechanisms import KNOTS, Mechanism, finer, friction_law, speed_law, strain_law
 from tssgeom.mechanism import numbered
+from tssgeom.plausibility.limits import LIMITS as PLAUSIBLE
 from tssgeom.rig import Rig
 from tssgeom.statistics import NORMAL_95
 
@@ -137,7 +138,7 @@ def _mechanisms(
     ways = [[each[name] for name in numbered("displacement_in_m", count)] for each in moved]
     times = [run.given["time_s"] for run in runs]
     least, most = float(np.quantile(pulls, 0.005)), float(pulls.max())
-    if most - least > KNOTS.least_span * most:
+    if most - least > PLAUSIBLE.slight * most:
         yield friction_law("tension", np.linspace(max(least, 0.0), most, usual), "N")
         yield strain_law(rig.tendon.compliance_per_N, most, usual)
     speeds = np.concatenate(
@@ -150,7 +151,7 @@ def _mechanisms(
     arcs = [each for run in runs for each in run.routes]
     bends = np.concatenate([each.angle / each.length for each in arcs])
     curved = bends[bends > 0.0].tolist()
-    if curved and max(curved) - min(curved) > KNOTS.least_span * max(curved):
+    if curved and max(curved) - min(curved) > PLAUSIBLE.slight * max(curved):
         yield friction_law("curvature", np.linspace(min(curved), max(curved), KNOTS.over_curvature), "per_m")
     yield friction_law(
         "arc_length", np.linspace(0.0, min(each.total_length for each in arcs), KNOTS.along), "m"

@@ -16,6 +16,7 @@ from tssgeom.arrays import Vector
 from tssgeom.identify.fit import start_rig
 from tssgeom.identify.machine_run import LIMITS, MachineRun
 from tssgeom.rig import Rig
+from tssgeom.sensed_route import STATED
 from tssgeom.tendon.machine_simulation import drive_channels
 from tssgeom.uncertain import Prior, Uncertain, assumed
 
@@ -24,9 +25,6 @@ from tssgeom.uncertain import Prior, Uncertain, assumed
 class BendSettings:
     """What is assumed of a sheath that bends nobody knows where."""
 
-    parts: int = 16
-    """Equal parts of the length with a share of the angle each [1]; chosen: with eight the play of a pair
-    that bends behind a straight sixteenth of its sheath was 18 standard errors off."""
     log_sd: float = 3.0
     """Standard deviation of the logarithm of a share [1]; chosen: straights between one to three bends are
     likely, whose shares are next to none."""
@@ -82,9 +80,9 @@ def with_unknown_bends(
     """
     if not has_unknown_bends(runs, rig):
         return rig, tuple(uncertain)
-    even = msgspec.structs.replace(rig.route, bends=(1.0,) * BENDS.parts)
+    even = msgspec.structs.replace(rig.route, bends=(1.0,) * STATED.parts)
     prior = Prior(1.0, BENDS.log_sd)
-    more = (Uncertain(f"{_BENDS}[{k}]", prior, stated=False) for k in range(BENDS.parts))
+    more = (Uncertain(f"{_BENDS}[{k}]", prior, stated=False) for k in range(STATED.parts))
     return msgspec.structs.replace(rig, route=even), (*uncertain, *more)
 
 

@@ -20,6 +20,7 @@ from tssgeom.identify.fit import FIT
 from tssgeom.identify.machine_laws import FreeLaw
 from tssgeom.identify.machine_parameters import Parameter, unit_of
 from tssgeom.identify.machine_run import LIMITS, MachineRun
+from tssgeom.plausibility.limits import LIMITS as PLAUSIBLE
 from tssgeom.rig import Rig, with_values
 from tssgeom.uncertain import Prior, behind_gear, keys_of
 
@@ -34,13 +35,8 @@ class PartSettings:
     """Standard deviation of the error of a gain [1]; chosen: a tenth, more is a wrong unit."""
     known: float = 0.5
     """Of a number that the rig gives: standard deviation of its error [1]; chosen: a half."""
-    play: float = 0.01
-    """Of the range of the drive: play that is tried first, where its noise does not hide that [1]; chosen."""
     shares: tuple[float, ...] = (1.0, 0.2, 0.04)
     """Of the size from which a part starts: sizes at which it is tried [1]; chosen: apart by five."""
-    steps: int = 2
-    """Steps of a fit at the weights of noise, by whose end a part is ranked; chosen: a play has a corner,
-    and one step goes half the way."""
     pushed: float = 2.0
     """Scales from which a part is tried, apart by this factor from the typical one [1]; chosen."""
 
@@ -326,7 +322,7 @@ def _least_play(runs: Sequence[MachineRun]) -> float:
     by_angle = [run for run in runs if run.drive == "motor_angle_rad"]
     stroke = max(float(np.ptp(run.given[run.drive])) for run in by_angle)
     noise = max(run.inputs.noise.get(run.drive, 0.0) for run in by_angle)
-    return max(PARTS.play * stroke, CHANCE.clear * noise)
+    return max(PLAUSIBLE.negligible * stroke, CHANCE.clear * noise)
 
 
 def _applies(key: str, rig: Rig, runs: Sequence[MachineRun], answers: Sequence[str]) -> bool:

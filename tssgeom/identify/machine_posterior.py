@@ -8,7 +8,6 @@ other, and few bars tilt it; the covariance of Gauss and Newton holds at its top
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -17,7 +16,7 @@ from scipy.special import ndtr
 
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.core.constants import CHANCE
-from tssgeom.identify.machine_bends import Valley
+from tssgeom.identify.machine_bends import Valley, unlike
 from tssgeom.identify.machine_drive_errors import DriveErrors, drive_errors
 from tssgeom.identify.machine_problem import FIT, FitState, Problem
 from tssgeom.least_squares import SOLVER
@@ -30,8 +29,6 @@ class PosteriorSettings:
     wide: float = 0.02
     """Of a number: standard deviation from which its posterior is tested [1]; chosen: what is known better
     is met by a straight line."""
-    alike: float = 0.9
-    """Correlation from which the posterior along one number is that along the other [1]; chosen."""
     most: int = 3
     """Numbers that are followed [1]; chosen for speed."""
     tested: float = 1.5
@@ -160,20 +157,15 @@ def posterior_of(
     return problem, state, Posterior(state.u, covariance, errors, quantile, profiles, valley)
 
 
-def _wide(problem: Problem, covariance: Matrix) -> Iterator[int]:
-    """Yield the numbers along which the posterior is tested, the widest first, none like another."""
+def _wide(problem: Problem, covariance: Matrix) -> list[int]:
+    """Return the numbers along which the posterior is tested, the widest first, none like another."""
     deviation = np.sqrt(np.diag(covariance))
     wide = [
         (each.prior.sd * deviation[j], j)
         for j, each in enumerate(problem.parameters)
         if each.kind == "rig" and each.prior.log and each.prior.sd * deviation[j] > POSTERIOR.wide
     ]
-    taken = list[int]()
-    for _, j in sorted(wide, reverse=True):
-        alike = [abs(covariance[j, k]) / (deviation[j] * deviation[k]) for k in taken]
-        if len(taken) < POSTERIOR.most and max(alike, default=0.0) < POSTERIOR.alike:
-            taken.append(j)
-            yield j
+    return unlike(covariance, [j for _, j in sorted(wide, reverse=True)], POSTERIOR.most)
 
 
 class _Point(NamedTuple):

@@ -17,6 +17,7 @@ from tssgeom.identify.machine_evidence import FittedModel, block_gain, noise_of
 from tssgeom.identify.machine_fit import fit_round
 from tssgeom.identify.machine_parts import PARTS, Part
 from tssgeom.identify.machine_problem import Problem
+from tssgeom.least_squares import SOLVER
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,7 +136,7 @@ def _fitted(one: PartScore, sharp: Lines) -> PartScore | None:
     """Return where two steps from the start of a score end; None where the machine has no equilibrium."""
     state = one.model.state
     try:
-        end = fit_round(one.problem, one.start, state.weight, state.inflation, PARTS.steps)
+        end = fit_round(one.problem, one.start, state.weight, state.inflation, SOLVER.quick)
     except FitError:
         return None
     blocks = zip(sharp.blocks, end.left, sharp.floors, strict=True)

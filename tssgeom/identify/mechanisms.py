@@ -20,6 +20,7 @@ from tssgeom.effects import AnyEffect, ChannelLag, CreepLaw, FrictionLaw, Sensor
 from tssgeom.effects.laws import FrictionOver, StretchOf
 from tssgeom.identify.prediction import CELLS, Stack
 from tssgeom.identify.readings import UNITS, Reading
+from tssgeom.plausibility.limits import LIMITS as PLAUSIBLE
 from tssgeom.rig import Rig
 
 MECHANISM_OF = {
@@ -84,8 +85,6 @@ class KnotSettings:
     """Points of a curve in a report; chosen."""
     slow: float = 0.03
     """Of the fastest speed: the slowest knot but that at rest [1]; chosen."""
-    least_span: float = 0.05
-    """Of the greatest value: least span of what a law is over [1]; chosen."""
     stretch: float = 0.1
     """Of the elastic stretch at the greatest tension: unit of a stretch [1]; chosen."""
     sensor_unit: float = 5.0
@@ -173,7 +172,7 @@ def speed_law(x: Vector) -> Mechanism:
 def _frictions(stack: Stack, rig: Rig, knots: KnotSettings) -> Iterator[Mechanism]:
     runs = stack.readings
     least, most = _tensions(runs, rig)
-    if most - least > KNOTS.least_span * most:
+    if most - least > PLAUSIBLE.slight * most:
         yield friction_law("tension", np.linspace(least, most, knots.usual), "N")
     fast = _fastest(runs)
     if fast > 0.0:
@@ -181,7 +180,7 @@ def _frictions(stack: Stack, rig: Rig, knots: KnotSettings) -> Iterator[Mechanis
         yield speed_law(fast * np.concatenate(([0.0], moving)))
     every = np.concatenate([run.route.arcs.angle / run.route.arcs.length for run in runs])
     curved = every[every > 0.0].tolist()
-    if curved and max(curved) - min(curved) > KNOTS.least_span * max(curved):
+    if curved and max(curved) - min(curved) > PLAUSIBLE.slight * max(curved):
         yield friction_law("curvature", np.linspace(min(curved), max(curved), knots.over_curvature), "per_m")
     length = min(run.route.arcs.total_length for run in runs)
     yield friction_law("arc_length", np.linspace(0.0, length, knots.along), "m")

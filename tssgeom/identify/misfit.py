@@ -21,23 +21,11 @@ from tssgeom.identify.fit_quality import inflation_of
 from tssgeom.identify.prediction import FINE, Errors, errors_of, exact, stacked, total_sigma
 from tssgeom.identify.readings import Reading
 from tssgeom.identify.screening import leftover
+from tssgeom.plausibility.limits import LIMITS as PLAUSIBLE
 from tssgeom.rig import Rig
 from tssgeom.statistics import NORMAL_95, root_mean_square
 from tssgeom.tendon.bars.model import Model, RunTrace, begin, carry_on, prepare
 
-
-@dataclass(frozen=True, slots=True)
-class MisfitSettings:
-    """What counts as held.
-
-    Frozen on the development seeds of `benchmarks.discovery`.
-    """
-
-    still: float = 0.05
-    """Of the median step in motion: a slower drive is a hold [1]; chosen."""
-
-
-MISFIT = MisfitSettings()
 _CHANCE = 0.025  # of a right part to be contradicted by any channel; derived: that of 1.96 s.d.
 UNINFORMATIVE = math.sqrt(0.5)
 """Held-out misfit below which its ratio is no evidence [1]; derived: half of the noise variance."""
@@ -49,7 +37,7 @@ def phases(reading: Reading, slip_out: Vector) -> np.ndarray:
     step = np.gradient(drive)
     moving = np.abs(step) > 2.0 * reading.noise[reading.drive]
     usual = float(np.median(np.abs(step[moving]))) if moving.any() else 0.0
-    still = np.abs(step) <= MISFIT.still * usual
+    still = np.abs(step) <= PLAUSIBLE.slight * usual
     pulling = step > 0.0
     out = np.where(
         pulling,

@@ -22,6 +22,7 @@ from tssgeom.identify.prediction import Stack, simulated, stacked
 from tssgeom.identify.readings import Reading
 from tssgeom.identify.screening import ScoreTest, Screening
 from tssgeom.identify.selection import Selection, Step, close_candidates, name_of, separable_from
+from tssgeom.plausibility.limits import LIMITS as PLAUSIBLE
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
 
@@ -37,8 +38,6 @@ class TieLimits:
     """Cosine of two signatures from which no fit separates them [1]; chosen on development seeds."""
     absorbed: float = 0.2
     """Of a signature: share that friction and compliance leave at most where they are its tie [1]; chosen."""
-    least_move: float = 0.01
-    """Share by which it moves before it is reported [1]; chosen."""
 
 
 TIES = TieLimits()
@@ -168,7 +167,7 @@ def base_ties(fit: Fit, rig: Rig) -> tuple[str, list[Tied]]:
     words, ties = list[str](), list[Tied]()
     friction = math.log(fit.at.friction / max(rig.friction.coefficient, 1e-6))
     give = math.log(fit.at.compliance / rig.tendon.compliance_per_N)
-    if abs(friction) > max(CHANCE.clear * spread[0], TIES.least_move):
+    if abs(friction) > max(CHANCE.clear * spread[0], PLAUSIBLE.negligible):
         words.append(
             f"friction is {fit.at.friction:.4g} and not {rig.friction.coefficient:.4g}, which an angle gain "
             f"of {math.exp(friction):.3f} of the shape sensor would give as well (G3): "
@@ -178,7 +177,7 @@ def base_ties(fit: Fit, rig: Rig) -> tuple[str, list[Tied]]:
         ties.append(
             Tied(Tie(names, "G3", "both scale friction times angle"), "measure a route with another sensor")
         )
-    if abs(give) > max(CHANCE.clear * spread[1], TIES.least_move):
+    if abs(give) > max(CHANCE.clear * spread[1], PLAUSIBLE.negligible):
         words.append(
             f"compliance is {fit.at.compliance:.4g} 1/N and not {rig.tendon.compliance_per_N:.4g} 1/N, "
             f"which a scale of {math.exp(give):.3f} of encoder or route length, or a sheath that gives way, "

@@ -8,21 +8,11 @@ import numpy as np
 
 from tssgeom.arrays import Points, Vector, read_only
 from tssgeom.lumen.wall import Wall, nearest
+from tssgeom.plausibility.limits import LIMITS as PLAUSIBLE
 from tssgeom.route.route import Route
 from tssgeom.statistics import NORMAL_95
 
 _MOST_NODES = 1000  # of a route, evenly
-
-
-@dataclass(frozen=True, slots=True)
-class ContactLimits:
-    """When a tube touches the wall, leaves the lumen, or goes beyond the ends of the mesh."""
-
-    beyond_share: float = 0.01
-    """Share of the length that may lie beyond the ends without a warning. chosen: how meshes are cut."""
-
-
-_LIMITS = ContactLimits()
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +63,7 @@ class Clearance:
             f"{-1e3 * (one.least + self.radius):.1f} mm: check that route and mesh share one frame"
             for one in self.outside
         ]
-        if self.beyond > _LIMITS.beyond_share * float(self.s[-1]):
+        if self.beyond > PLAUSIBLE.negligible * float(self.s[-1]):
             texts.append(f"{1e3 * self.beyond:.1f} mm of the route lie beyond the ends of the lumen mesh")
         return tuple(texts)
 

@@ -8,10 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from tssgeom.arrays import Matrix, Points, Vector, rows_at
+from tssgeom.core.constants_arcs import CHAIN_FIT
 from tssgeom.core.constants_route import POINTS
 from tssgeom.errors import FitError, ShapeError
+from tssgeom.plausibility.limits import LIMITS as PLAUSIBLE
 from tssgeom.route.observations import BACK, Shape
-from tssgeom.route.route import step_lengths
+from tssgeom.route.route import STATIONS, step_lengths
 from tssgeom.route.route_fit import LITTLE, RouteFit
 
 
@@ -22,20 +24,9 @@ class OrderLimits:
     much_shorter: float = 1.4
     """Length of the path as given over the shortest one from which on it may be the wrong one [1]. Measured:
     5 to 40 points of routes of 0 to 13 rad have at most 1.36, where a helix comes near itself."""
-    far_shorter: float = 2.0
-    """The same, from which on the points are refused [1]. Chosen: of 540 routes of 5 to 40 points in order
-    only helices of more than two turns on a few points reach it, which no fit gets right."""
     slightly_shorter: float = 1.04
     """The same where a fit has a warning or shows little of Φ [1]. Measured: 95 % of neighbours that were
     exchanged have at least 1.05, 90 % of routes at most 1.02."""
-    sharpest: float = 2.0
-    """Turn from chord to chord from which on two points may be exchanged [rad]. Chosen: a bend that turns so
-    far from point to point is one that they do not determine."""
-    apart: float = 0.05
-    """Median distance of the way there from the way back, over the length of one, up to which points go there
-    and back [1]. Chosen: a scan of one vessel keeps it, and a loop does not."""
-    most_exchanged: int = 2
-    """Points that are named as exchanged [1]. Chosen: of more it is not clear which goes where."""
     most_sorted: int = 1000
     """Points that are put in order. Chosen: by the memory of their distances."""
 
@@ -111,7 +102,7 @@ def order_warning(points: Points, index: Vector | None = None, *, is_uncertain: 
         return None
     order = _described(path, np.arange(len(points)) if index is None else index.astype(int))
     text = f"{_PATH} {1e3 * given:.4g} mm long, {order} {1e3 * shortest:.4g} mm: check their order, "
-    if given < LIMITS.far_shorter * shortest:
+    if given < STATIONS.refusal * shortest:
         return f'{text}or set [shape] order = "shortest"'
     raise FitError(f'{text}set [shape] order = "shortest", or give their arc lengths if it is right')
 
@@ -142,7 +133,7 @@ def _turns_back(points: Points) -> bool:
     chord = np.diff(points, axis=0)
     along = np.einsum("ij,ij->i", chord[1:], chord[:-1])
     square = np.einsum("ij,ij->i", chord, chord)
-    sharpest = math.cos(LIMITS.sharpest)
+    sharpest = math.cos(CHAIN_FIT.most_turn)
     return bool((along < sharpest * np.sqrt(square[1:] * square[:-1])).any())
 
 
@@ -151,7 +142,7 @@ def there_and_back(points: Points) -> str | None:
     at = np.concatenate(([0.0], np.cumsum(step_lengths(points))))
     share = np.linspace(0.0, 0.5, _COMPARED)
     there, back = (rows_at(way * at[-1], at, points) for way in (share, 1.0 - share))
-    if float(np.median(np.linalg.norm(there - back, axis=1))) > LIMITS.apart * 0.5 * at[-1]:
+    if float(np.median(np.linalg.norm(there - back, axis=1))) > PLAUSIBLE.slight * 0.5 * at[-1]:
         return None
     return "the points run there and back: give either way as a shape to analyse --same if it is one route"
 
@@ -159,7 +150,7 @@ def there_and_back(points: Points) -> str | None:
 def _described(path: np.ndarray, index: np.ndarray) -> str:
     """Name what a path exchanges, or else its first points: "with points 3 and 4 exchanged"."""
     moved = np.flatnonzero(path != np.arange(len(path)))
-    if 0 < len(moved) <= LIMITS.most_exchanged:
+    if len(moved) == 2:  # of more it is not clear which goes where
         return f"with points {' and '.join(map(str, index[moved]))} exchanged"
     listed = index[path]
     return f"in the order {' '.join(map(str, listed if len(path) <= 12 else (*listed[:3], '…')))}"

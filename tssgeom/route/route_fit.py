@@ -30,7 +30,8 @@ class AgreementLimits:
     """Whether a fitted route still follows its points."""
 
     most_ignored: float = 1 / 3
-    """Share of the points without weight, above which the fit is refused [1]. Chosen."""
+    """Share of the points without weight, above which the fit is refused; share of the inputs of a batch that
+    are outlying, above which they are spread instead [1]. Chosen."""
     longest_path: float = 1.3
     """Path from point to point over the length of the route with its noise [1]. Derived: chords are shorter
     than arcs, so 1 plus an allowance for noise."""

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from tssgeom.core.constants import ROUNDING, WALL
+from tssgeom.core.constants_route import POINTS
 
 _MOST_AROUND = 256  # triangles that meet in one point
 
@@ -31,7 +32,7 @@ def nearest_on_wall(
     for i in range(count):
         p, best = points[i], position[i]
         least = math.sqrt(_search(p, corners, order, low, high, stack, best))
-        near = WALL.same_point * (least + WALL.smallest_distance)
+        near = WALL.same_point * (least + POINTS.least_extent)
         held = _triangles_at(best, near, corners, order, low, high, stack, around)
         normal, angle = np.zeros(3), 0.0
         for k in around[:held]:

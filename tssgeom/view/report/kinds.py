@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tssgeom.plausibility.limits import LIMITS as PLAUSIBLE
 from tssgeom.statistics import robust_sd
 
 Row = Mapping[str, Any]
@@ -28,9 +29,6 @@ class KindLimits:
     1000 inputs."""
     most_tried: int = 8
     """Widest intervals that are tried. chosen: the time stays linear in the inputs."""
-    least_sd: float = 0.01
-    """Least standard deviation of the logarithms of L and noise, of Φ over its median, and of the share of
-    frames that are rejected, or have warnings [1]. chosen: 1 %."""
 
 
 KIND_LIMITS = KindLimits()
@@ -98,7 +96,7 @@ def _widest_interval(column: NDArray[np.float64]) -> tuple[float, float]:
 
 
 def _sd(values: NDArray[np.float64]) -> float:
-    return max(robust_sd(values - np.median(values)), KIND_LIMITS.least_sd)
+    return max(robust_sd(values - np.median(values)), PLAUSIBLE.negligible)
 
 
 def _words(rows: Sequence[Row]) -> str:

@@ -13,6 +13,9 @@ from typing import Any
 import numpy as np
 
 from tssgeom.core.constants import ROUNDING
+from tssgeom.core.constants_route import OUTLIERS
+from tssgeom.plausibility.limits import LIMITS as PLAUSIBLE
+from tssgeom.route.route_fit import AGREEMENT
 from tssgeom.statistics import robust_sd
 from tssgeom.view.report.kinds import KIND_LIMITS, kinds, log_noise, noise_text
 
@@ -25,12 +28,6 @@ class OutlyingLimits:
 
     z: float = 3.5
     """Robust z beyond which an input is outlying. cited: Iglewicz and Hoaglin 1993."""
-    most_outlying: float = 1 / 3
-    """Share of a kind beyond which the values of a feature are spread, and their standard deviation is that
-    by `spread_tail` [1]. chosen."""
-    spread_tail: float = 0.1
-    """Share of the largest deviations from the median of a spread feature, which do not determine its
-    standard deviation [1]. chosen: of two groups, the smaller one is then not outlying if it is larger."""
     least_share: float = 1e-3
     """Least standard deviation of a length or a tension, of its median [1]. chosen: no sensor has less."""
     least_log_noise_sd: float = 0.1
@@ -159,15 +156,18 @@ def _scores(rows: Sequence[Row], feature: _Feature) -> _Score:
         own = deviation / np.array([max(feature.se(row), 1e-300) for row in rows])
     z = np.where(applies, deviation / sd, 0.0)
     outlying = (z > LIMITS.z) & (own > LIMITS.z)
-    if outlying.sum() > LIMITS.most_outlying * applies.sum():
+    if outlying.sum() > AGREEMENT.most_ignored * applies.sum():
         z *= sd / _spread((values - median)[applies])
     return _Score(z, own, median)
 
 
 def _spread(deviation: np.ndarray) -> float:
-    """Return the standard deviation of the normal law with the same largest deviation before its tail."""
-    within = float(np.quantile(np.abs(deviation), 1.0 - LIMITS.spread_tail))
-    return within / NormalDist().inv_cdf(1.0 - LIMITS.spread_tail / 2.0)
+    """Return the standard deviation of the normal law with the same largest deviation before its tail.
+
+    Of two groups the smaller one is then not outlying if it is larger than the share of outliers.
+    """
+    within = float(np.quantile(np.abs(deviation), 1.0 - OUTLIERS.share))
+    return within / NormalDist().inv_cdf(1.0 - OUTLIERS.share / 2.0)
 
 
 def _angle_error(rows: Sequence[Row]) -> float:
@@ -215,14 +215,14 @@ _FEATURES = (
     _Feature(log_noise, lambda rows: LIMITS.least_log_noise_sd, "noise", noise_text),
     _Feature(
         lambda row: row["rejected"] / row["frames"],
-        lambda rows: KIND_LIMITS.least_sd,
+        lambda rows: PLAUSIBLE.negligible,
         "rejected",
         lambda value: f"{100 * value:.3g} % of the frames",
         counted=True,
     ),
     _Feature(
         lambda row: row["warned"] / max(row["frames"] - row["rejected"], 1),
-        lambda rows: KIND_LIMITS.least_sd,
+        lambda rows: PLAUSIBLE.negligible,
         _WARNINGS,
         lambda value: f"{100 * value:.3g} % of the frames",
         counted=True,

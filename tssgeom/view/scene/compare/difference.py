@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tssgeom.arrays import Vector
+from tssgeom.plausibility.limits import LIMITS as PLAUSIBLE
 from tssgeom.statistics import NORMAL_95
 from tssgeom.view.quantities import CHANNELS
 from tssgeom.view.scene.compare.reading import Side
@@ -18,19 +19,6 @@ from tssgeom.view.wording import angle_with_error, with_error
 COMPARED = ("tension_in_N", "tension_out_N", "elongation_m")
 """What is compared over time."""
 _STEPS = 200  # of arc length in which two tensions are compared
-
-
-@dataclass(frozen=True, slots=True)
-class ComparisonLimits:
-    """Which differences between two recordings the text mentions."""
-
-    parting_share: float = 0.01
-    """Share of the greater tension from which on two tensions differ. chosen: visible in the picture."""
-    early_share: float = 0.05
-    """Share of the length before which tensions differ from the beginning. chosen."""
-
-
-_LIMITS = ComparisonLimits()
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +81,7 @@ def parting(a: Side, b: Side) -> float | None:
     ends = a.frames[a.peak], b.frames[b.peak]
     s = np.linspace(0.0, min(float(frame.s[-1]) for frame in ends), _STEPS)
     first, second = (frame.tension_at(s) for frame in ends)
-    differ = np.abs(second - first) > _LIMITS.parting_share * max(
+    differ = np.abs(second - first) > PLAUSIBLE.negligible * max(
         float(first.max()), float(second.max()), 1e-12
     )
     node = int(np.argmax(differ))
@@ -145,7 +133,7 @@ def _peak_words(a: Side, b: Side) -> str:
         else f"{abs(pull):.2f} N {'more' if pull > 0 else 'less'} T_in"
     )
     s = parting(a, b)
-    late = s is not None and s > _LIMITS.early_share * _at_peak(a, "length_m")
+    late = s is not None and s > PLAUSIBLE.slight * _at_peak(a, "length_m")
     where = f" The tensions differ from s = {1e3 * s:.0f} mm on." if s and late else ""
     return (
         f"At the greatest pull, with {same}, T_out of B less that of A is "
