@@ -24,7 +24,7 @@ from tssgeom.route.lost_ends import taken
 from tssgeom.route.marker_offset import follow_markers
 from tssgeom.route.noise import contradicted as contradicted_noise
 from tssgeom.route.noise import noise_growth, noise_left
-from tssgeom.route.observations import MIN_POINTS, Shape, are_few, clean
+from tssgeom.route.observations import MIN_POINTS, Shape, clean
 from tssgeom.route.observations import NOISE_PRIOR as POINT_NOISE
 from tssgeom.route.order import along_the_shortest_path
 from tssgeom.route.resolution import NO_ERRORS, SharedErrors, sheath_resolution
@@ -109,7 +109,7 @@ def fit_frame(
         frame = in_order(frame, None if last is None else last.fit.route.position[0])
     if now is None and given.time_filter and last is not None and last.filtered is not None:
         now = filtered(last.filtered, frame.points, last.fit.noise, frame.time)
-    noise = stated if now is None else noise_left(now, stated)
+    noise = stated if now is None or stated is None else noise_left(now, stated)
     turn = _direction_noise(rig, last)
     shape = sensed_points(frame if now is None else _with_points_of(now, frame), rig, turn)
     if now is not None and now.warnings:
@@ -256,7 +256,7 @@ def _fitted(
 
 def _is_astray(tracked: TrackedFit, last: TrackedFit, now: PointFilter) -> bool:
     """Whether few points are taken for noise that neither the first fit had nor differences in time show."""
-    if tracked.age == 0 or last.noise_bounded or not are_few(tracked.fit.weight):
+    if tracked.age == 0 or last.noise_bounded or not tracked.fit.is_of_few:
         return False
     return tracked.fit.noise > _ASTRAY * max(last.first_noise, now.sensed_noise)
 

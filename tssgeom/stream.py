@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 from tssgeom.effects import named
 from tssgeom.errors import SettingsError
 from tssgeom.frame import Frame
-from tssgeom.plausibility.frames import frame_remarks, given_route_remarks, require_one_target, strain_remarks
-from tssgeom.plausibility.rules import warnings_of
+from tssgeom.plausibility.frames import frame_warnings, given_route_remarks
 from tssgeom.result import Result
 from tssgeom.rig import Rig
 from tssgeom.route.curvature import CurvatureProfile
@@ -157,8 +156,9 @@ def pulled(
         return _of_machine(seq, frame, state, rig, tension_in, sensed, commander, follower)
     if isinstance(state, CarriedMachine):
         raise SettingsError("the state is of a machine, the rig is one tendon on a spring: start anew")
-    require_one_target(frame.displacement_target, frame.tension_out_target)
     shape, tracked, fit, shared = sensed
+    length = fit.arcs.total_length
+    frame_warnings(frame, rig, length, frame.tension_in or 0.0)  # before a follower takes them in
     points = tracked.filtered
     stands = None if points is None else points.stands
     at = Step(fit.arcs, frame.time, frame.temperature, stands, shared)
@@ -166,9 +166,6 @@ def pulled(
         frame.tension_in, frame.displacement_in, frame.displacement_target, frame.tension_out_target
     )
     commander = commander or commander_of(rig)
-    length, pull = fit.arcs.total_length, frame.tension_in or 0.0
-    remarks = list(frame_remarks(frame, length))
-    warnings_of(None, [*remarks, *strain_remarks(rig, length, pull)])  # before a follower takes them in
     if follower is None:
         moved, command, commander = commander.moved(state, at, given, tension_in)
     else:
@@ -179,14 +176,14 @@ def pulled(
         moved, command, commander = carry.moved(follower, commander, state, at, given, read, tension_in)
         rig = follower.carried.rig
     most = moved.tension_in if command is None else max(moved.tension_in, command.tension_in)
-    warnings = tuple(warnings_of(None, [*remarks, *strain_remarks(rig, length, most)]))
+    warnings = frame_warnings(frame, rig, length, most)
     whole, moved, transmission = _transmitted(state, moved, rig, stands, fit, shared)
     known = None if follower is None else follower.known
     if known is not None:
         from tssgeom.adapt.followed_tendon import with_filter
 
         transmission = with_filter(transmission, known)
-    else:
+    elif commander.variants:
         by_position = given.tension_in is None and (given.displacement_in is not None or command is not None)
         transmission = with_rig_errors(transmission, commander.variants, by_tension=not by_position)
     of_route = frame.warnings + shape.warnings + fit.warnings
@@ -229,9 +226,8 @@ def _of_machine(
     of_machine = commander.of_machine or machine_commander_of(rig)
     at = Moved(fit.arcs, frame.time, tension_in, shared)
     length, pulls = fit.arcs.total_length, greatest_pull(readings)
-    remarks = list(frame_remarks(frame, length))
-    remarks += given_route_remarks(rig, length, fit.arcs.total_angle, fit.arcs.total_angle_se)
-    warnings_of(None, [*remarks, *strain_remarks(rig, length, pulls)])  # before a follower takes them in
+    of_route = list(given_route_remarks(rig, length, fit.arcs.total_angle, fit.arcs.total_angle_se))
+    frame_warnings(frame, rig, length, pulls, of_route)  # before a follower takes them in
     if follower is None:
         moment, of_machine = of_machine.moved(before, rig, readings, at)
     else:
@@ -239,8 +235,8 @@ def _of_machine(
 
         moment = carry_machine.moved(follower, of_machine, before, readings, at)
     most = max(pulls, greatest_pull(moment.channels))
-    warnings += tuple(warnings_of(None, [*remarks, *strain_remarks(rig, length, most)]))
-    of_route = frame.warnings + shape.warnings + fit.warnings
+    warnings = frame.warnings + shape.warnings + fit.warnings + warnings
+    warnings += frame_warnings(frame, rig, length, most, of_route)
     return FrameResult(
         seq=seq,
         frame=frame,
@@ -249,7 +245,7 @@ def _of_machine(
         tracked=tracked,
         state=moment.tendon,
         transmission=moment.transmission,
-        warnings=of_route + warnings + (() if follower is None else follower.warnings),
+        warnings=warnings + (() if follower is None else follower.warnings),
         commander=replace(commander, of_machine=of_machine),
         followed=None if follower is None else follower.known,
         alert=None if follower is None else follower.alert,
@@ -331,8 +327,10 @@ def _transmitted(
     before: TendonState, now: TendonState, rig: Rig, stands: bool | None, fit: RouteFit, shared: SharedErrors
 ) -> tuple[RouteFit, TendonState, Transmission]:
     """Return fit and what the tendon transmits with errors that all frames share: none of them moves it."""
+    if shared == NO_ERRORS:
+        return fit, *transmit_after(before, now, rig, stands)
     whole, route = shared.beside(fit), now.route
-    if route is None or shared == NO_ERRORS:
+    if route is None:
         return whole, *transmit_after(before, now, rig, stands)
     with_shared = whole.arcs if route is fit.arcs else shared.on(route)
     moved, transmission = transmit_after(before, replace(now, route=with_shared), rig, stands)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -53,6 +53,16 @@ class Sensed(Protocol):
     @property
     def elongation(self) -> float | None:
         """Elongation [m]."""
+        ...
+
+    @property
+    def displacement_target(self) -> float | None:
+        """Position of the load that is wanted [m]."""
+        ...
+
+    @property
+    def tension_out_target(self) -> float | None:
+        """Distal tension that is wanted [N]."""
         ...
 
     @property
@@ -109,6 +119,18 @@ def frame_remarks(frame: Sensed, length: float) -> Iterator[Remark]:
         yield remark("stretch_unit", "frame", f"elongation_m is {stretch:g} m on a route of {length:.3g} m")
     if (noise := frame.noise) is not None and noise > LIMITS.largest_noise * length:
         yield remark("noise_unit", "frame", f"noise_m is {noise:g} m on a route of {length:.3g} m")
+
+
+def frame_warnings(
+    frame: Sensed, rig: Rig, length: float, tension: float, others: Iterable[Remark] = ()
+) -> tuple[str, ...]:
+    """Return what is to be known of a frame on a route of a length [m] under its greatest tension [N].
+
+    Raises SettingsError where its readings, or the strain of the tendon, cannot be, or there are two targets.
+    """
+    require_one_target(frame.displacement_target, frame.tension_out_target)
+    remarks = [*frame_remarks(frame, length), *others, *strain_remarks(rig, length, tension)]
+    return tuple(warnings_of(None, remarks))
 
 
 def command_remarks(rig: Rig, length: float, tension: float, displacement: float) -> Iterator[Remark]:

@@ -251,7 +251,8 @@ def chain_fit(shape: Shape, data: Data, chain: Chain, pieces: ChainPieces | None
     if data.tangents is not None:
         used = np.where(data.tangents.variance[:, None] > 0.0, data.tangents.unit, np.nan)
         warnings += direction_warnings(shape.directions, used, shape.index)
-    chain, pieces = identifiable(data, chain, pieces)
+    if pieces is None or pieces.unidentifiable >= 0:
+        chain, pieces = identifiable(data, chain, pieces)
     stated = math.sqrt(data.variance)
     if 0.0 < stated < pieces.noise:
         warnings += (

@@ -33,7 +33,6 @@ from tssgeom.route.model_choice import (
     model_probabilities,
     search_variance,
 )
-from tssgeom.route.observations import are_few
 from tssgeom.route.pieces import Arcs
 from tssgeom.route.resolution import NO_ERRORS, SharedErrors
 from tssgeom.route.route import Route, step_lengths
@@ -203,7 +202,7 @@ def _smooth_moments(smooth: RouteFit, spline: Spline) -> tuple[float, float, flo
     """Do as `_moments` of a smooth fit, with what its bends may turn whose form many points hide; (258)."""
     angle, variance, length, length_variance = _moments(smooth.arcs)
     alone = spline.shared_angle_error == 0.0 and spline.tangent_share == 0.0
-    if alone and not are_few(smooth.weight):
+    if alone and not smooth.is_of_few:
         route, points = spline.route, int(np.count_nonzero(smooth.weight))
         bend = core.parallel_components(route.tangent, route.curvature_vector)
         variance += hidden_form(bend, route.s, points, smooth.noise) ** 2

@@ -26,7 +26,7 @@ from tssgeom.route.fibre.noise import LastNoise
 from tssgeom.route.geometry import chain_data, chain_fit, first_chain, spline_fit, with_few_points_variance
 from tssgeom.route.model_average import added_in_steps
 from tssgeom.route.model_choice import CHOICE, chain_evidence, evidence_difference, preference
-from tssgeom.route.observations import Shape, are_few
+from tssgeom.route.observations import Shape
 from tssgeom.route.resolution import NO_ERRORS, SharedErrors
 from tssgeom.route.route_fit import RouteFit
 from tssgeom.route.spline.fit import fit_in_steps
@@ -123,15 +123,13 @@ class TrackedFit:
     @property
     def has_noise_of_time(self) -> bool:
         """Whether few points were taken for a sharper route than their noise in time leaves; (272)."""
-        if self.filtered is None or not are_few(self.fit.weight):
+        if self.filtered is None or not self.fit.is_of_few:
             return False
         return self.noise_of_time or PASSES.warm_noise * self.fit.noise**2 < self.filtered.noise**2
 
     def is_outdated(self, now: PointFilter) -> bool:
         """Whether a fit from nothing shows more: points were exchanged, or few have so little noise left."""
-        return now.reordered or (
-            are_few(self.fit.weight) and PASSES.warm_noise * now.noise**2 < self.first_left**2
-        )
+        return now.reordered or (self.fit.is_of_few and PASSES.warm_noise * now.noise**2 < self.first_left**2)
 
     @classmethod
     def of(cls, fit: RouteFit, index: Vector) -> TrackedFit:
@@ -140,7 +138,7 @@ class TrackedFit:
 
     def beside(self, fit: RouteFit) -> RouteFit:
         """Return the fit of a later frame with these variances added."""
-        return replace(self.by_models.of_stream(self.by_models.of_models(fit)), turned=self.fit.turned)
+        return replace(self.by_models.of_stream(fit), turned=self.fit.turned)
 
     def with_check(self, check: ModelCheck | None) -> TrackedFit:
         """Begin a check, where there is one."""
@@ -255,7 +253,7 @@ def _taken_over(taken: TrackedFit, now: TrackedFit) -> TrackedFit:
     """Go on with the other estimator, unless it is the one that is tracked by now."""
     if (taken.fit.chain is None) == (now.fit.chain is None):
         return now
-    is_stale = are_few(taken.fit.weight)
+    is_stale = taken.fit.is_of_few
     return replace(taken, marker_axis=now.marker_axis, filtered=now.filtered, is_stale=is_stale)
 
 

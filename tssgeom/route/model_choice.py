@@ -15,7 +15,7 @@ import numpy as np
 
 from tssgeom.arrays import Vector, rows_at
 from tssgeom.core.constants_route import SPACING
-from tssgeom.route.arcs.chain import Chain, Data, noise_variance, squared_distances, tangent_count
+from tssgeom.route.arcs.chain import Chain, Data, noise_variance, squared_distances
 from tssgeom.route.arcs.moves import saved_by_slopes
 from tssgeom.route.arcs.outliers import squared_tangent_residuals
 from tssgeom.route.observations import are_few, noise_price
@@ -237,7 +237,7 @@ def _deviance_of_points(data: Data, chain: Chain) -> float:
 
 def _values(data: Data) -> int:
     """Values that were sensed across the route: of the points that count, and of the directions."""
-    return 2 * int(np.count_nonzero(data.weight)) + 2 * tangent_count(data.tangents)
+    return 2 * int(np.count_nonzero(data.weight)) + 2 * data.fitted_directions
 
 
 def _parameters(data: Data, chain: Chain) -> int:

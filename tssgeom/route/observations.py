@@ -131,14 +131,14 @@ def clean(
     index, counts, used = None, _counts(len(points)), points
     if not _sound(points) or (known is not None and np.isnan(known).any()):
         index, warnings = _usable(points, known)
-        used, counts = points[index], read_only(index.astype(np.float64))
+        used, counts = read_only(points[index]), read_only(index.astype(np.float64))
         known = None if known is None else known[index]
         _refuse_unusable(used, ordered=known is not None)
     with np.errstate(over="ignore", invalid="ignore"):  # infinite stations are refused with their length
         begun = None if known is None else read_only(known - known[0])
     if begun is not None:
         warnings += station_warnings(used, begun)
-    shape = Shape(read_only(used), counts, begun, warnings)
+    shape = Shape(used, counts, begun, warnings)
     if directions is not None:
         shape = _with_directions(shape, directions, direction_noise, points, index)
     if length is not None:

@@ -66,6 +66,19 @@ class Arcs(Result):
             model_variance=angle**2 * self.model_variance,
         )
 
+    def with_variances(self, length: float, angle: float) -> Arcs:
+        """Return the pieces with variances of L [m²] and of Φ [rad²] beside their own.
+
+        They are spread over the pieces in proportion to lengths and angles, that of no angle to lengths.
+        """
+        k, covariance = len(self.length), np.array(self.covariance)
+        if length > 0.0:
+            covariance[:k, :k] += spread_over(self.length, length)
+        if angle > 0.0:
+            covariance[k:, k:] += spread_over(self.angle if self.total_angle > 0.0 else self.length, angle)
+        covariance.flags.writeable = False
+        return replace(self, covariance=covariance)
+
     def moved(self, by: Vector) -> Arcs:
         """Return the pieces with all lengths and all angles changed [2k] [m, rad], their errors as they are.
 

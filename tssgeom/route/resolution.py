@@ -16,7 +16,7 @@ import numpy as np
 from tssgeom import core
 from tssgeom.arrays import Matrix, Points, Vector, read_only, rows_at
 from tssgeom.core.constants_route import STAIRCASE
-from tssgeom.route.pieces import Arcs, spread_over
+from tssgeom.route.pieces import Arcs
 from tssgeom.route.route import Route, carried
 from tssgeom.route.route_fit import Deferred, Nodes, RouteFit, nodes_with_angle_variance
 
@@ -56,16 +56,7 @@ class SharedErrors(NamedTuple):
 
     def on(self, arcs: Arcs) -> Arcs:
         """Add them to those of the pieces in proportion to angles and lengths, of no angle to lengths."""
-        if self == NO_ERRORS:
-            return arcs
-        k = len(arcs.length)
-        covariance = np.array(arcs.covariance)
-        if self.length > 0.0:
-            covariance[:k, :k] += spread_over(arcs.length, self.length)
-        if self.angle > 0.0:
-            turned = arcs.angle if arcs.total_angle > 0.0 else arcs.length
-            covariance[k:, k:] += spread_over(turned, self.angle)
-        return replace(arcs, covariance=read_only(covariance))
+        return arcs if self == NO_ERRORS else arcs.with_variances(self.length, self.angle)
 
     def beside(self, fit: RouteFit) -> RouteFit:
         """Add them to those of a fit."""
@@ -83,7 +74,8 @@ class SharedErrors(NamedTuple):
         return replace(fit, arcs=replace(fit.arcs, form_variance=form)) if self.form > 0.0 else fit
 
     def of_stream(self, fit: RouteFit) -> RouteFit:
-        """Note in a fit that has these of models that it shares them with the one that it goes on from."""
+        """Do as `of_models`, and note that the fit shares them with the one that it goes on from."""
+        fit = self.of_models(fit)
         return replace(fit, arcs=replace(fit.arcs, model_variance=self.angle)) if self.angle > 0.0 else fit
 
 
@@ -124,8 +116,6 @@ def at_resolution(fit: RouteFit, resolution: float) -> tuple[RouteFit, float]:
 
 def without_errors(fit: RouteFit, share: float) -> RouteFit:
     """Return a fit whose angles are this share of those as fitted, as are their errors [1]; (232)."""
-    if share == 1.0:
-        return fit
     nodes = Deferred(partial(_with_scaled_profile, fit.nodes, share))
     return replace(fit, arcs=fit.arcs.scaled(angle=share), nodes=nodes)
 

@@ -18,7 +18,8 @@ from tssgeom.errors import FitError
 from tssgeom.result import Result
 from tssgeom.route.arcs.chain import Chain
 from tssgeom.route.curvature import CurvatureProfile
-from tssgeom.route.pieces import Arcs, spread_over
+from tssgeom.route.observations import are_few
+from tssgeom.route.pieces import Arcs
 from tssgeom.route.route import STATIONS, Route
 from tssgeom.route.spline.spline import Spline
 
@@ -154,19 +155,17 @@ class RouteFit(Result):
         """Return the fit with other pieces, whose angles are all this share, and without errors of angles."""
         return replace(self, arcs=arcs, nodes=Deferred(partial(_with_scaled_angle, self.nodes, share)))
 
+    @property
+    def is_of_few(self) -> bool:
+        """Whether its points are so few that models and λ are averaged; docs/model.md (150)."""
+        return are_few(self.weight)
+
     def with_angle_variance(self, variance: float) -> RouteFit:
         """Add a variance of Φ [rad²], spread over profile and pieces as the angle is; not where none is."""
         if variance == 0.0 or self.arcs.total_angle == 0.0:
             return self
-        arcs = self.arcs
-        k = len(arcs.length)
-        covariance = np.array(arcs.covariance)
-        covariance[k:, k:] += spread_over(arcs.angle, variance)
-        return replace(
-            self,
-            nodes=Deferred(partial(nodes_with_angle_variance, self.nodes, variance)),
-            arcs=replace(arcs, covariance=read_only(covariance)),
-        )
+        nodes = Deferred(partial(nodes_with_angle_variance, self.nodes, variance))
+        return replace(self, nodes=nodes, arcs=self.arcs.with_variances(0.0, variance))
 
 
 def nodes_with_angle_variance(nodes: Deferred[Nodes], variance: float) -> Nodes:

@@ -97,7 +97,7 @@ def with_shared_errors(
     if known is None:
         known = posterior_of_source(fit, source, resolution)
     fit, slope = at_resolution(fit, at) if at > 0.0 else (fit, 0.0)
-    fit = without_errors(fit, known.angle_share)
+    fit = fit if known.angle_share == 1.0 else without_errors(fit, known.angle_share)
     if at > 0.0 and resolution is None:
         fit = fit.warned(
             f"source {source}: short bends may be errors, Φ counts none shorter than {1e3 * at:.3g} mm, "

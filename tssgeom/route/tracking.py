@@ -64,7 +64,7 @@ def follow(shape: Shape, noise: float | None, last: TrackedFit | None, method: M
         Where a fit from nothing is needed, and the last one is to be `warm_only`.
     """
     tracked = None
-    last = None if last is None else model_checked(last)
+    last = model_checked(last) if last is not None and last.due else last
     if last is not None and last.is_stale:
         pass  # what few points allow between them was averaged over another route
     elif last is not None and last.fit.chain is not None:

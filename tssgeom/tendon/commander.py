@@ -104,7 +104,9 @@ class Commander:
         elapsed = at.time - state.time if at.time is not None and at.time >= state.time else 0.0
         has_target, driven = wanted is not None or pull is not None, read is not None or located is not None
         if driven or not has_target:
-            tension = tension_in if not driven else None if read is None else true_tension(self.rig, read)
+            tension = read if driven else tension_in
+            if read is not None and self.rig.effects:
+                tension = true_tension(self.rig, read)
             position = located if tension is None else None
             state = step(
                 state,

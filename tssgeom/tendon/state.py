@@ -157,7 +157,7 @@ def step(
     9.51
     """
     now = state.time if time is None else time
-    drives, setup = (tension_in, displacement_in), effective_setup(rig)
+    drives, setup = (tension_in, displacement_in), effective_setup(rig) if rig.effects else None
     if setup is None:
         before, compared = with_better_route(state, arcs, rig) if stands else state, arcs
         known = before.route

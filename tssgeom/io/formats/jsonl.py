@@ -171,8 +171,10 @@ def _frame(
     if moment is None:
         raise ShapeError('the line has no time: write "t" in s')
     per_metre = PER_METRE[stated]
+    in_metres = points / per_metre
+    in_metres.flags.writeable = False
     return Frame(
-        read_only(points / per_metre),
+        in_metres,
         moment,
         _stations(line, len(points), per_metre),
         line.tension_in_N,

@@ -54,6 +54,11 @@ class Data(NamedTuple):
         unit, weight = (None, None) if tangents is None else (tangents.unit, tangents.weight)
         return (*self[:5], unit, weight)
 
+    @property
+    def fitted_directions(self) -> int:
+        """Number of directions that are fitted."""
+        return 0 if self.tangents is None else int(np.count_nonzero(self.tangents.weight > 0.0))
+
 
 class Chain(NamedTuple):
     """A fitted chain.
@@ -186,12 +191,7 @@ def piece_length(chain: Chain, j: int) -> float:
 def value_count(data: Data) -> int:
     """Return the number of values that are fitted."""
     used = int(np.count_nonzero(data.weight > 0.0))
-    return (2 if data.free else 3) * used + 2 * tangent_count(data.tangents)
-
-
-def tangent_count(tangents: WeightedTangents | None) -> int:
-    """Return the number of directions that are fitted."""
-    return 0 if tangents is None else int(np.count_nonzero(tangents.weight > 0.0))
+    return (2 if data.free else 3) * used + 2 * data.fitted_directions
 
 
 def first_joint_column(free: bool) -> int:

@@ -16,7 +16,6 @@ from tssgeom.route.arcs.chain import (
     fit_fixed_pieces,
     noise_variance,
     squared_distances,
-    tangent_count,
     value_count,
 )
 from tssgeom.route.arcs.moves import Budget, fit_chain
@@ -113,7 +112,7 @@ def refitted_with_tangents(data: Data, chain: Chain, budget: Budget) -> tuple[Da
 
 def without_outlying_tangents(data: Data, chain: Chain) -> Data:
     """Leave out directions that the chain does not explain."""
-    tangents, count = data.tangents, tangent_count(data.tangents)
+    tangents, count = data.tangents, data.fitted_directions
     if tangents is None or not count:
         return data
     variance = _variance_in_weights(tangents)
@@ -128,7 +127,7 @@ def without_outlying_tangents(data: Data, chain: Chain) -> Data:
 
 def _weighted_by_noise(data: Data, chain: Chain) -> Data:
     """Weight directions by the noise variance of the points alone, where it is not known."""
-    tangents, count = data.tangents, tangent_count(data.tangents)
+    tangents, count = data.tangents, data.fitted_directions
     if tangents is None or data.variance or not count:
         return data
     square = squared_distances(data, chain, across=data.free)
