@@ -8,8 +8,8 @@ a fork of one process that has imported it. `--idle` searches only for constants
 at the first number that moves, and a constant that moved one when halved is not doubled. A constant that no
 case reads has "not reached". Rows that are done are kept in `results/sensitivity.json`, so a run that was
 stopped goes on; where the code has changed, it starts again. `--list` prints the constants with unit and
-origin, and counts limits of files, queues and connections by themselves, for no model has them; `--quick`
-changes one constant, in few cases.
+origin, and counts limits of files, memory, queues and connections by themselves, for no model has them;
+`--quick` changes one constant, in few cases.
 """
 
 from __future__ import annotations
@@ -44,7 +44,13 @@ _AREA_OF_CORE = {
     "constants_arcs": "route",
     "constants_tendon": "tendon",
 }
-_OF_INPUT = ("io.network.", "io.formats.blocks.", "io.formats.laboratory.text.", "summary.")
+_OF_INPUT = (
+    *("io.network.", "io.formats.blocks.", "io.formats.laboratory.text.", "summary."),
+    *("io.formats.laboratory.raw.RowLimits.sample", "io.formats.laboratory.unnamed.UnnamedLimits.rows"),
+    *("route.order.OrderLimits.most_sorted", "smoothed_frames.Window.points"),
+    *("adapt.smoothing.SmoothingSettings.most_moments", "identify.mechanisms.KnotSettings.reported"),
+)
+"""Begins of the names of numbers that bound what is read, kept in memory or written out."""
 _SAME = 1e-6  # relative change that counts as none: a search may end one step away
 _SMALL = 0.01  # relative change below which a number is not named
 _CLOCK = "processor time [s]"  # differs from run to run

@@ -12,6 +12,9 @@ from tssgeom import core
 from tssgeom.arrays import Vector
 from tssgeom.core.constants import MEDIANS, ROUNDING
 
+HELD = 0.95
+"""Probability that an interval holds the truth, and from which the likeliest is taken for true. Cited: what
+intervals are usually stated for."""
 NORMAL_95 = 1.959964
 """Standard deviations to either side of a 95 % interval. Derived: the 97.5 % quantile of the normal law."""
 EVEN = 0.5
@@ -29,6 +32,10 @@ class EvidenceScale:
     false_alarms: float = 0.01
     """Share of sound runs, of clean campaigns or of readings that chance alone may take beyond a limit, and
     probability below which something is ruled out [1]; chosen: one in a hundred."""
+    fewest: int = 5
+    """Values of which a median is known, and readings of a channel that calibration uses [1]; chosen: a short
+    run serves beside others. From five of T_out and of the elongation each, 95 % intervals hold as often as
+    from twenty."""
 
     @property
     def draws(self) -> int:

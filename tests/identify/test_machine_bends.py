@@ -6,7 +6,7 @@ from msgspec.structs import replace
 
 from tests.identify.test_machine_even_bend import KEYS, RIG, calibrated
 from tssgeom.identify.machine_bend_steps import BendSteps, Pull
-from tssgeom.identify.machine_bends import BEND_FITS, Spot, Valley
+from tssgeom.identify.machine_bends import TWO_95, Spot, Valley
 from tssgeom.identify.machine_parameters import one_bend, parameters_of, shares_of, with_unknown_bends
 from tssgeom.identify.machine_problem import Problem, fitted_rows
 from tssgeom.rig import with_values
@@ -28,10 +28,10 @@ def steps():
 
 def test_an_interval_reaches_as_far_as_any_point_below_the_rise_of_chi_square_lets_it():
     near = Spot(np.array([0.0]), np.array([[0.04]]), 0.0)
-    along = Spot(np.array([1.0]), np.array([[0.01]]), BEND_FITS.two - 1.0)
-    beyond = Spot(np.array([9.0]), np.array([[1.0]]), BEND_FITS.two + 0.1)
+    along = Spot(np.array([1.0]), np.array([[0.01]]), TWO_95 - 1.0)
+    beyond = Spot(np.array([9.0]), np.array([[1.0]]), TWO_95 + 0.1)
     low, high = Valley((near, along, beyond)).ends(np.ones(1), 1.959964)
-    assert (low, high) == pytest.approx((-0.2 * BEND_FITS.two**0.5, 1.1), abs=1e-5)
+    assert (low, high) == pytest.approx((-0.2 * TWO_95**0.5, 1.1), abs=1e-5)
 
 
 def test_friction_of_each_part_goes_straight_along_a_step(steps):

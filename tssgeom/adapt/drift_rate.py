@@ -27,9 +27,6 @@ class DriftSettings(NamedTuple):
     least: float = 1e-2
     """Least variance of a drift for which members are made, over that which is stated [1]. Chosen: a tenth
     in a number, so that one that begins to drift is followed within a minute."""
-    most: float = 1.0
-    """Most variance of a drift for which members are made, over that which is stated [1]. Chosen: what goes
-    faster is followed beside them, and a fault is left to the watch."""
 
     @property
     def prior(self) -> Vector:
@@ -135,7 +132,7 @@ class DriftRate:
             _PRIOR,
             DRIFT.changes,
             DRIFT.least,
-            DRIFT.most,
+            1.0,  # the stated one: what goes faster is followed beside, and a fault is left to the watch
             self.chances,
             self.means,
             self.spreads,

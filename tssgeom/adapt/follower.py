@@ -19,6 +19,7 @@ from tssgeom.adapt.watch import WATCH, Watch
 from tssgeom.errors import SettingsError, TssgeomError
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
+from tssgeom.statistics import HELD
 from tssgeom.tendon.machine_stream import CarriedMachine
 from tssgeom.tendon.state import TendonState
 
@@ -32,9 +33,6 @@ class FollowerSettings(NamedTuple):
     """Time between two copies of the filter [s]. Chosen: a fault is then at most so much younger."""
     comparisons: tuple[float, ...] = (1.5, 4.0, 8.0)
     """Times after an alarm at which mechanisms are compared [s]. Chosen: a stroke, and two more."""
-    sure: float = 0.95
-    """Probability from which the likeliest mechanism is taken into the rig [1]. Chosen: a fault that grows is
-    compared again once it is larger."""
     quiet: float = 60.0
     """Time without a disagreement after which an alert ends [s]. Chosen: several strokes."""
 
@@ -253,7 +251,7 @@ class Follower:
         self._alert = replace(self._alert, explanations=causes)
         self._concluded = self._compared >= len(_SETTINGS.comparisons)
         following = result[0].filter if result else None
-        if self._concluded and following is not None and result[0].probability >= _SETTINGS.sure:
+        if self._concluded and following is not None and result[0].probability >= HELD:
             self._next = self._caught_up(following)
 
     def _caught_up(self, following: Ensemble) -> Iterator[Ensemble | None]:

@@ -13,9 +13,8 @@ class OutlierLimits(NamedTuple):
     bend_share: float = 0.3
     """Residual over κh² that a jump of curvature alone gives a point of a smooth curve [1]; chosen."""
     bend_share_at_end: float = 2.0
-    """The same at the first and last point, which have neighbours on one side only [1]; chosen."""
-    bend_share_next_to_end: float = 1.0
-    """The same one point farther in [1]; chosen."""
+    """The same at the first and last point, which have neighbours on one side only, and half of it one point
+    farther in [1]; chosen."""
     sharpest: float = 1.0
     """Greatest turn from point to point in this test [rad]; chosen: a sharper one comes from an outlier."""
     neighbours: int = 3

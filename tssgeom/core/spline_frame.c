@@ -41,7 +41,7 @@ int64_t tss_outlying_points(
         if (size[i] <= limit) continue;
         double share = OUTLIERS.bend_share, worst = 0.0;
         if (i == 0 || i == n - 1) share = OUTLIERS.bend_share_at_end;
-        else if (i == 1 || i == n - 2) share = OUTLIERS.bend_share_next_to_end;
+        else if (i == 1 || i == n - 2) share = 0.5 * OUTLIERS.bend_share_at_end;
         int64_t left = i > 0 ? i - 1 : 0, right = i + 1 < n ? i + 1 : n - 1, is_used = weight[i] > 0.0;
         double step = (u[right] - u[left]) / (double)(right - left);
         for (int64_t k = i - OUTLIERS.neighbours; k <= i + OUTLIERS.neighbours && is_used; k++)

@@ -18,11 +18,12 @@ from tssgeom.identify.campaign import Route
 from tssgeom.identify.fit import Point
 from tssgeom.identify.machine_drive_noise import with_turns_between
 from tssgeom.identify.prediction import Stack, run_channels, stacked
-from tssgeom.identify.readings import READING, Reading, at_times, in_order, with_added
+from tssgeom.identify.readings import Reading, at_times, in_order, with_added
 from tssgeom.identify.turning import Legs, legs, with_turns
 from tssgeom.plausibility.limits import LIMITS as PLAUSIBLE
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
+from tssgeom.statistics import EVIDENCE_SCALE
 from tssgeom.tendon.bars.model import BARS, Drive
 
 
@@ -206,7 +207,7 @@ def calibrated_run(
     counting = dict(_counting(answering, kept, tension, floor))
     if not counting:
         raise SettingsError(
-            f"no response with {READING.fewest} readings above {floor:g} N: "
+            f"no response with {EVIDENCE_SCALE.fewest} readings above {floor:g} N: "
             "give tension_out_N, elongation_m or both"
         )
     added = np.zeros(len(values) + (len(turns) if with_tension else 0), dtype=bool)
@@ -250,7 +251,7 @@ def _counting(
         taut = True if tension is None else tension >= least
         used = np.flatnonzero(np.isfinite(column[kept]) & taut)
         used = used[_once(column[kept][used])]
-        if len(used) >= READING.fewest:
+        if len(used) >= EVIDENCE_SCALE.fewest:
             out = np.full(len(kept), np.nan)
             out[used] = column[kept][used]
             yield name, out

@@ -284,19 +284,20 @@ def spread_over_priors(problem: Problem, fit: LawFit, orders: tuple[int, ...]) -
     return replace(fit, covariance=straight.covariance([_precision(fit.at, terms) for terms in every]))
 
 
-_ORDERS = (1, 2)  # of derivatives that a prior may hold: laws that step, and laws that bend
+ORDERS = (1, 2)
+"""Derivatives that a prior of a law may hold: laws that step, and laws that bend."""
 
 
 def with_finest_knots(problem: Problem, fit: LawFit) -> LawFit | None:
     """Return a fit whose laws have as many knots as a rig can hold; None where it finds no equilibrium."""
     by_name = {one.name: one for one in mechanisms(problem.stack, problem.rig, FINEST)}
     terms = [with_knots(term, by_name[term.mechanism.name]) for term in fit.terms]
-    return fitted(problem, fit.at, terms, orders=_ORDERS)
+    return fitted(problem, fit.at, terms, orders=ORDERS)
 
 
 def with_bands(problem: Problem, fit: LawFit) -> LawFit:
     """Return a fit with the covariance over all priors that its laws may have; docs/model.md (294)."""
-    return spread_over_priors(problem, fit, _ORDERS)
+    return spread_over_priors(problem, fit, ORDERS)
 
 
 def with_knots(term: Term, fine: Mechanism) -> Term:

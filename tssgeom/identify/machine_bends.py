@@ -20,7 +20,7 @@ from tssgeom.identify.machine_fit import fitted_again
 from tssgeom.identify.machine_parameters import one_bend, shares_of
 from tssgeom.identify.machine_problem import FIT, FitState, Problem, fitted_rows
 from tssgeom.identify.machine_run import thinned
-from tssgeom.statistics import NORMAL_95
+from tssgeom.statistics import HELD, NORMAL_95
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,9 +43,6 @@ class BendFitSettings:
     bent: float = 4.0
     """Rise of χ² at the end of an interval over that of a normal law, from which a valley is bent [1];
     chosen: a bent one has hundreds."""
-    two: float = 5.99
-    """Rise of χ² to which an interval goes [1]; derived: 95 % of χ² of two numbers, the number itself and the
-    position along the valley, in which few points lie."""
     changed: float = 1.5
     """Change of the inflation from which a fit is made again [1]; chosen."""
     most: int = 400
@@ -53,6 +50,9 @@ class BendFitSettings:
 
 
 BEND_FITS = BendFitSettings()
+TWO_95 = round(-2.0 * math.log(1.0 - HELD), 2)
+"""Rise of χ² to which an interval goes [1]: the 95 % quantile of χ² of two numbers, the number itself and the
+position along the valley, in which few points lie; to as many digits as that is known."""
 
 
 class Spot(NamedTuple):
@@ -80,7 +80,7 @@ class Valley(NamedTuple):
         quantile
             Standard deviations of half a 95 % interval of a normal law [1].
         """
-        rise, ends = BEND_FITS.two * (quantile / NORMAL_95) ** 2, list[tuple[float, float]]()
+        rise, ends = TWO_95 * (quantile / NORMAL_95) ** 2, list[tuple[float, float]]()
         for u, covariance, above in self.spots:
             if above <= rise:
                 far = math.sqrt(max(float(share @ covariance @ share), 0.0) * (rise - above))
@@ -201,13 +201,13 @@ class _Fits:
 
     def _go_beyond(self, j: int, way: float) -> None:
         at = max(self.passed, key=lambda each: self._end(each, j, way))
-        half = math.sqrt(BEND_FITS.two * at.covariance[j, j])
+        half = math.sqrt(TWO_95 * at.covariance[j, j])
         to = way * (self._end(at, j, way) + BEND_FITS.beyond * half)
         self._go_on(at, Pull(j, to, BEND_FITS.pull * half))
 
     def _end(self, each: Passed, j: int, way: float) -> float:
         """Return how far a number may go one way from a point."""
-        left = BEND_FITS.two - (each.point.chi2 - self.lowest().point.chi2)
+        left = TWO_95 - (each.point.chi2 - self.lowest().point.chi2)
         return way * each.point.u[j] + math.sqrt(each.covariance[j, j] * left) if left > 0.0 else -np.inf
 
     def valley(self) -> Valley:

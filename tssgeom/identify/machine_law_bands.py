@@ -12,8 +12,9 @@ import numpy as np
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.core.constants_tendon_rows import TABLE
 from tssgeom.identify.finding import LawCurve
+from tssgeom.identify.law_fit import ORDERS
 from tssgeom.identify.law_smoothness import straight_model
-from tssgeom.identify.machine_laws import WAVES, FreeLaw, law_curve
+from tssgeom.identify.machine_laws import FreeLaw, law_curve
 from tssgeom.identify.machine_parts import Number, Part
 from tssgeom.identify.machine_problem import FitState, Problem
 from tssgeom.identify.machine_score import with_part
@@ -48,7 +49,7 @@ def law_band(problem: Problem, state: FitState, law: FreeLaw) -> LawCurve:
     line = straight_model(-slope, weight * np.concatenate(state.left), deviation)
     n, back = len(others), np.linalg.pinv(fine.waves)
     precisions = []
-    for prior in fine.as_rough(WAVES.orders, 0.0):
+    for prior in fine.as_rough(ORDERS, 0.0):
         own = back @ prior.waves
         precision = np.eye(len(deviation))
         precision[n:, n:] = np.linalg.inv(own @ own.T)

@@ -32,8 +32,6 @@ class WaveSettings:
 
     least: float = 0.02
     """Of u at some knot: waves that stay below it are left out [1]; chosen: friction by two hundredths."""
-    orders: tuple[int, ...] = (1, 2)
-    """Of the derivatives that priors of a band hold [1]; chosen: laws that step, and laws that bend."""
     step: float = 0.1
     """Of u at some knot: step of a derivative [1]; chosen."""
 

@@ -32,7 +32,7 @@ from tssgeom.plausibility.rules import warnings_of
 from tssgeom.plausibility.series import Series
 from tssgeom.rig import Rig, Sensor
 from tssgeom.route.pieces import Arcs
-from tssgeom.statistics import digit_noise, reading_noise, turns
+from tssgeom.statistics import EVIDENCE_SCALE, digit_noise, reading_noise, turns
 from tssgeom.tendon.machine_history import DriveName
 from tssgeom.tendon.machine_simulation import (
     current_notes,
@@ -128,9 +128,9 @@ def machine_run(
         given_names.append(beside)
     sound = np.all([np.isfinite(columns[each]) for each in given_names], axis=0)
     rows = np.flatnonzero(sound)
-    if len(rows) < READING.fewest:
+    if len(rows) < EVIDENCE_SCALE.fewest:
         raise SettingsError(
-            f"{name}: {len(rows)} samples with {given_names[1]}: give {READING.fewest} or more"
+            f"{name}: {len(rows)} samples with {given_names[1]}: give {EVIDENCE_SCALE.fewest} or more"
         )
     most = most or LIMITS.most_samples
     pulled = drive_channels(drive, count) if drive == "tension_in" else ()
@@ -161,7 +161,7 @@ def machine_run(
         for each in answering(rig, count)
         if each in columns
         and each not in given_names
-        and np.isfinite(columns[each][rows]).sum() >= READING.fewest
+        and np.isfinite(columns[each][rows]).sum() >= EVIDENCE_SCALE.fewest
     }
     if not answers:
         known = ", ".join(each for each in answering(rig, count) if each not in given_names)
@@ -198,7 +198,7 @@ def _position_beside_force(
     if drive not in ("displacement_in", "motor_angle_rad") or more:
         return {}
     forces = [each for each in (*numbered("tension_in_N", count), "motor_torque_Nm") if each in columns]
-    known = any(np.isfinite(columns[each][rows]).sum() >= READING.fewest for each in forces)
+    known = any(np.isfinite(columns[each][rows]).sum() >= EVIDENCE_SCALE.fewest for each in forces)
     readings = columns[channel][rows]
     noise = reading_noise(readings)
     if not known or not is_noisy(readings, noise):

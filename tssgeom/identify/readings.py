@@ -34,9 +34,6 @@ class ReadingLimits:
     """Of its noise: a first position below it is the zero [1]; chosen."""
     position_worth: float = 5.0
     """Of the noise of T_in: the tension drives where the position makes more of it [1]; chosen."""
-    fewest: int = 5
-    """Readings of a channel that calibration uses [1]; chosen: a short run serves beside others. From five of
-    T_out and of the elongation each, 95 % intervals hold as often as from twenty."""
 
 
 READING = ReadingLimits()

@@ -18,7 +18,7 @@ from tssgeom.arrays import Matrix, Vector
 from tssgeom.route.resolution import LIMITS as RESOLUTION
 from tssgeom.route.resolution import left_of_waves, without_twist
 from tssgeom.route.route import Route
-from tssgeom.statistics import EVEN, NORMAL_95
+from tssgeom.statistics import EVEN, HELD, NORMAL_95
 from tssgeom.threads import single_threaded
 
 
@@ -55,7 +55,6 @@ class PosteriorGrid:
 
 
 GRID = PosteriorGrid()
-_HELD = 0.95  # share of an interval that NORMAL_95 is of
 _ORDERS = (3, 5)
 """Derivatives of the route that may be white noise, each as likely: the curvature changes at once, or is as
 smooth as the errors are."""
@@ -171,7 +170,7 @@ def possible_errors(route: Route, size: float, probability: float) -> ErrorPoste
         That there are any [1]. The standard error of Φ is of the interval that holds 95 % of all cases, and
         does not join that of white noise; that of the length does.
     """
-    nodes, held = _even(route), 1.0 - (1.0 - _HELD) / max(probability, 1.0 - _HELD)
+    nodes, held = _even(route), 1.0 - (1.0 - HELD) / max(probability, 1.0 - HELD)
     errors = [size * one for one in _errors(nodes / size, size / float(route.s[-1]), proven=False)]
     sampled, mean = (nodes - one for one in errors)
     axes = _axes(nodes)

@@ -174,7 +174,7 @@ def outlying_points(
         if i == 0 or i == n - 1:
             share = OUTLIERS.bend_share_at_end
         elif i == 1 or i == n - 2:
-            share = OUTLIERS.bend_share_next_to_end
+            share = 0.5 * OUTLIERS.bend_share_at_end
         left, right = max(i - 1, 0), min(i + 1, n - 1)
         step = (u[right] - u[left]) / (right - left)
         around = slice(max(i - OUTLIERS.neighbours, 0), i + OUTLIERS.neighbours + 1)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tssgeom.plausibility.limits import LIMITS as PLAUSIBLE
-from tssgeom.statistics import robust_sd
+from tssgeom.statistics import EVIDENCE_SCALE, robust_sd
 
 Row = Mapping[str, Any]
 
@@ -20,9 +20,6 @@ Row = Mapping[str, Any]
 class KindLimits:
     """When inputs of a batch are of two kinds."""
 
-    fewest: int = 5
-    """Inputs of a kind, and inputs of which some may be outlying. chosen: a median of fewer is too
-    uncertain."""
     apart: float = 3.0
     """Least interval between two kinds, over the greater robust standard deviation of both [1]. fitted: at
     most 2.5 % of 400 batches of one normal, uniform, exponential or log-normal quantity are split, of 10 to
@@ -85,12 +82,12 @@ def _parts(values: NDArray[np.float64], members: NDArray[np.intp]) -> list[NDArr
 def _widest_interval(column: NDArray[np.float64]) -> tuple[float, float]:
     """Return the widest interval between two values, over the spread beside it, and its middle."""
     ordered = np.sort(column)
-    ends = np.arange(KIND_LIMITS.fewest, len(ordered) - KIND_LIMITS.fewest + 1)
+    ends = np.arange(EVIDENCE_SCALE.fewest, len(ordered) - EVIDENCE_SCALE.fewest + 1)
     if not len(ends):
         return 0.0, 0.0
     between = np.diff(ordered)[ends - 1]
     tried = ends[np.argsort(-between, kind="stable")[: KIND_LIMITS.most_tried]]
-    ratios = [between[k - KIND_LIMITS.fewest] / max(_sd(ordered[:k]), _sd(ordered[k:])) for k in tried]
+    ratios = [between[k - EVIDENCE_SCALE.fewest] / max(_sd(ordered[:k]), _sd(ordered[k:])) for k in tried]
     best = int(np.argmax(ratios))
     return float(ratios[best]), float(ordered[tried[best] - 1 : tried[best] + 1].mean())
 

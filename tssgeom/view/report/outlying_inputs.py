@@ -16,8 +16,8 @@ from tssgeom.core.constants import ROUNDING
 from tssgeom.core.constants_route import OUTLIERS
 from tssgeom.plausibility.limits import LIMITS as PLAUSIBLE
 from tssgeom.route.route_fit import AGREEMENT
-from tssgeom.statistics import robust_sd
-from tssgeom.view.report.kinds import KIND_LIMITS, kinds, log_noise, noise_text
+from tssgeom.statistics import EVIDENCE_SCALE, robust_sd
+from tssgeom.view.report.kinds import kinds, log_noise, noise_text
 
 Row = Mapping[str, Any]
 
@@ -96,7 +96,7 @@ def _without_lacks(rows: Sequence[Row]) -> list[Row]:
     """
     texts = [[_text_of_all_frames(text) for text in row.get("warnings", ())] for row in rows]
     inputs = Counter(text for each in texts for text in {*each})
-    lacks = {text for text, count in inputs.items() if text and count >= KIND_LIMITS.fewest}
+    lacks = {text for text, count in inputs.items() if text and count >= EVIDENCE_SCALE.fewest}
     return [
         {**row, "warned": 0} if each and lacks.issuperset(each) else row
         for row, each in zip(rows, texts, strict=True)
@@ -113,7 +113,7 @@ def _text_of_all_frames(warning: str) -> str:
 
 def _of_kind(rows: Sequence[Row]) -> Iterator[tuple[bool, OutlyingInput]]:
     """Yield the outlying inputs of one kind, with whether only shares of their frames are outlying."""
-    if len(rows) < KIND_LIMITS.fewest:
+    if len(rows) < EVIDENCE_SCALE.fewest:
         return
     scores = [_scores(rows, feature) for feature in _FEATURES]
     for k, row in enumerate(rows):
@@ -145,7 +145,7 @@ def _words(row: Row, feature: _Feature, median: float) -> str:
 
 def _scores(rows: Sequence[Row], feature: _Feature) -> _Score:
     applies = np.array([feature.applies_to(row) for row in rows])
-    if applies.sum() < KIND_LIMITS.fewest:
+    if applies.sum() < EVIDENCE_SCALE.fewest:
         return _Score(np.zeros(len(rows)), np.zeros(len(rows)), math.nan)
     values = np.array([feature.of(row) for row in rows])
     median = float(np.median(values[applies]))

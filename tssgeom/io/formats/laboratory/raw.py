@@ -135,10 +135,8 @@ _NUMBER = re.compile(r"[-+]?(\d[\d.]*(,\d*)?|[.,]\d+|\d+(,\d{3})*\.\d*)([eE][-+]
 
 
 class RowLimits(NamedTuple):
-    """What makes a row one of data; chosen."""
+    """How much of a table is read before its form is known; chosen."""
 
-    numeric_share: float = 0.5
-    """Share of numbers in its cells, at least; a label beside a few numbers is usual."""
     sample: int = 400
     """Rows from which the form of a table is recognised: a longer preamble hides it."""
 
@@ -161,10 +159,10 @@ def is_number(cell: str) -> bool:
 
 
 def is_data(cells: Sequence[str]) -> bool:
-    """Whether a row holds numbers, and is no header."""
+    """Whether a row holds numbers, no fewer than labels, and is no header."""
     filled = [cell for cell in cells if cell.lower() not in MISSING]
     numbers = sum(map(is_number, filled))
-    return len(cells) > 1 and numbers > 0 and numbers >= ROWS.numeric_share * len(filled)
+    return len(cells) > 1 and numbers > 0 and 2 * numbers >= len(filled)
 
 
 def decimal_of(data: Sequence[Sequence[str]]) -> str:
