@@ -80,3 +80,17 @@ def test_the_angle_of_a_route_that_nobody_senses_is_followed(seed):
     gain, error = followed.values[at], followed.se[at]
     assert abs(3.0 * gain - angle) < 3.0 * 3.0 * error + 0.01 * angle
     assert error < 0.02
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        (b'{"t": 1.0, "points": null}', "got `null` - at `$.points`"),
+        (b'{"points": []}', "the line has no time"),
+        (b"{}", "the line has no time"),
+    ],
+)
+def test_a_line_of_a_stream_may_lack_its_points_but_not_its_time(text, reason):
+    refused = frame_or_refusal(text, None)
+    assert isinstance(refused, Rejected)
+    assert reason in refused.reason

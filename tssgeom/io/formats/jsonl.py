@@ -24,7 +24,6 @@ from tssgeom.io.formats.recording import GIVE_UNIT, PER_METRE, UNTIMED, Frames, 
 from tssgeom.stream import Frame, Rejected
 
 _TOO_LONG = f"the line is longer than {LONGEST_LINE} bytes (1 MiB): send fewer points"
-_LACKS_POINTS, _NO_POINTS = "missing required field `points`", b', "points": []}'
 _UNOBSERVED = (None, None, None)
 _STATE_UNIT = 'write "unit": "mm" or "unit": "m" in each line'
 _KEY = re.compile(r"(?:\$\.|field `)(\w+)")  # that a decoder names as wrong or missing
@@ -46,7 +45,7 @@ _Points = TypeVar("_Points")
 class Line(msgspec.Struct, Generic[_Points], frozen=True):
     """One line as it is written."""
 
-    points: _Points
+    points: _Points = None  # type: ignore[assignment]  # the line has none; `null` is refused
     t: float | None = None
     unit: str | None = None
     s: list[float | None] | None = None
@@ -111,10 +110,10 @@ def frame_of(
         line = _line_decoder.decode(text)
         beside = other_keys(text, _KNOWN)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-        if may_lack_points and _LACKS_POINTS in str(error):
-            return frame_of(text.rstrip()[:-1] + _NO_POINTS, unit, time)
         raise ShapeError(_fault(error)) from error
-    return _frame(line, _rows(line.points), beside, unit, time)
+    if line.points is None and not may_lack_points:
+        raise ShapeError(f"Object missing required field `points`: {_TO_WRITE['points']}")
+    return _frame(line, _rows(line.points or []), beside, unit, time)
 
 
 def _fault(error: Exception) -> str:
@@ -137,6 +136,8 @@ def _decoded_fast(text: bytes) -> tuple[Line[msgspec.Raw], np.ndarray, OtherKeys
         except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
             return None
         beside = other_keys(text, _KNOWN)
+    if line.points is None:
+        return None
     points = plain_points(line.points)
     return (line, points, beside) if len(points) else None
 
