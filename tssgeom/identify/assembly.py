@@ -78,7 +78,7 @@ class Attribution:
     """How much χ² falls by the fitted angle of each route."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Work:
     """What the steps left."""
 
