@@ -48,6 +48,11 @@ class SolverSettings:
     chords: int = 4
     """Steps with the same derivatives, along ridges [1]; chosen: derivatives take as long as twenty."""
 
+    @property
+    def rounding(self) -> float:
+        """Rounding of a model, over its range [1]: `step` is its root."""
+        return self.step**2
+
 
 SOLVER = SolverSettings()
 

@@ -155,8 +155,6 @@ class SplinePasses(NamedTuple):
     most: int = 12
     """Most passes, and most fits without the outliers of the one before [1]; chosen: at a kink no pass is the
     last."""
-    same_noise: float = 0.01
-    """Relative change of the noise variance at which they have converged [1]; chosen."""
     same_ratio: float = 0.05
     """Change of ln λ at which they have converged, and of the noise of directions that makes no new fit, over
     it [1]; chosen."""

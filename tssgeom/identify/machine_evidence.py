@@ -20,6 +20,7 @@ from tssgeom.identify.machine_parts import Part
 from tssgeom.identify.machine_problem import FIT, FitState, Problem, fitted_rows
 from tssgeom.identify.machine_run import MachineRun
 from tssgeom.identify.machine_sensor_errors import without_sensor_errors
+from tssgeom.least_squares import SOLVER
 from tssgeom.rig import Rig, Sensor
 from tssgeom.statistics import NORMAL_95, reading_noise, root_mean_square
 
@@ -157,7 +158,7 @@ def size_of(left: Vector) -> float:
     for _ in left:
         limit = CHANCE.clear * size
         was, size = size, root_mean_square(np.clip(left, -limit, limit))
-        if size - was <= FIT.rounding * rms:
+        if size - was <= SOLVER.rounding * rms:
             break
     return max(size, 1e-12)
 

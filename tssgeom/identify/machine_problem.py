@@ -37,8 +37,6 @@ class MachineFitSettings:
     """Bars of each tendon while fitting; chosen: more are brought in by `fine`."""
     fine: int = 40
     """Bars of each tendon, to whose answer that of few bars is brought [1]; chosen."""
-    rounding: float = 1e-6
-    """Of the range of a channel: less is left by rounding [1]; chosen."""
     finest: int = 160
     """Bars at most, where 40 miss more than the noise of the readings hides [1]; chosen: for speed."""
     most_of_all: int = 1200
@@ -52,7 +50,8 @@ class MachineFitSettings:
     least_at_start: int = 50
     """Samples of each run while the start is chosen; chosen: a dozen a cycle."""
     starts: int = 3
-    """Starts, the best of 27, from which short fits are made [1]; chosen."""
+    """Starts, the best of 27, from which short fits are made, and parts whose refit goes on until weights and
+    numbers converge [1]; chosen for speed."""
     start_steps: int = 4
     """Steps from each start before the best one is kept; chosen."""
 
@@ -215,7 +214,7 @@ class Problem:
     def floor(self, block: int) -> float:
         """Return what rounding leaves of a block of readings [SI]."""
         k, name, at = self.rows[block]
-        return max(FIT.rounding * float(np.ptp(self.runs[k].measured[name][at])), 1e-12)
+        return max(SOLVER.rounding * float(np.ptp(self.runs[k].measured[name][at])), 1e-12)
 
     def weights(self, left: Sequence[Vector]) -> tuple[list[Vector], Vector]:
         """Return what `weights_of` makes of what is left, and of what rounding leaves."""
@@ -241,7 +240,7 @@ class Problem:
             return SOLVER.coarse_step / scale
         strength = np.linalg.norm(slope, axis=0) / scale
         strength[logs] = strength[logs].max(initial=0.0)
-        rounding = SOLVER.step**2  # of a model; of an angle it is 1000 times what (175) leaves open
+        rounding = SOLVER.rounding  # of a model; of an angle it is 1000 times what (175) leaves open
         least = np.where(logs, SOLVER.step, rounding)
         return np.clip(1.0 / np.maximum(strength, 1e-300), least, SOLVER.coarse_step) / scale
 

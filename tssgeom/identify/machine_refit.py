@@ -37,8 +37,6 @@ class MachineSearch:
 
     refitted: int = 8
     """Parts that are refitted after the score test; chosen."""
-    continued: int = 3
-    """Parts whose refit goes on until weights and numbers converge; chosen."""
     again: int = 2
     """Times that a step is made again from a better fit without a part; chosen."""
     steps: int = 6

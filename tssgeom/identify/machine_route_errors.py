@@ -28,9 +28,6 @@ class RouteErrorSettings:
     least: float = 1e-3
     """Variance of the angle up to any arc length by the least error that is tried, over that by the largest
     [1]; chosen: 3 % of its size."""
-    clear: float = 1.0
-    """Root of the sum of squares of what an error changes, in standard deviations of the noise, from which it
-    is fitted [1]; derived: one that changes less changes χ² by less than one."""
 
 
 ROUTE_ERRORS = RouteErrorSettings()
@@ -144,14 +141,14 @@ def _changes(
 
 
 def _clear(runs: Sequence[MachineRun], changed: Sequence[Sequence[_Channels]]) -> Matrix:
-    """Return combinations of errors [tried, kept] that change readings by more than their noise; (286)."""
+    """Return combinations of errors [tried, kept] that change χ² of the readings by more than one; (286)."""
     rows = [
         np.array([each[name] for each in made]).T / max(noise, 1e-12)
         for run, made in zip(runs, changed, strict=True)
         for name, noise in run.noise.items()
     ]
     _, size, turned = np.linalg.svd(np.concatenate(rows), full_matrices=False)
-    return np.asarray(turned[size > ROUTE_ERRORS.clear].T, dtype=np.float64)
+    return np.asarray(turned[size > 1.0].T, dtype=np.float64)
 
 
 def _named(number: int, changed: Sequence[_Channels], turned: Matrix) -> dict[str, _Channels]:

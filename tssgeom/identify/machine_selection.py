@@ -13,6 +13,7 @@ from tssgeom.identify.machine_evidence import FittedModel, delta_bic
 from tssgeom.identify.machine_forecast import Forecast, forecast
 from tssgeom.identify.machine_law_search import law_step, laws_for_formulae, without_formulae
 from tssgeom.identify.machine_parts import Part
+from tssgeom.identify.machine_problem import FIT
 from tssgeom.identify.machine_refit import MACHINE_SEARCH, refitted, without_needless
 from tssgeom.identify.machine_run import MachineRun
 from tssgeom.identify.machine_score import PartScore, as_noise, score_of, straight_lines
@@ -132,7 +133,7 @@ def two_steps(
     if not is_far(model) or len(model.parts) > SEARCH.most - 2:
         return (now,)
     refuted = [one for one in now.tried if one.contradiction and replace(one, contradiction="").passes]
-    for first in sorted(refuted, key=lambda one: -one.evidence)[: MACHINE_SEARCH.continued]:
+    for first in sorted(refuted, key=lambda one: -one.evidence)[: FIT.starts]:
         further = with_forecasts(before, part_step(base, first.model, parts, kept))
         if (second := further.chosen) is None:
             continue

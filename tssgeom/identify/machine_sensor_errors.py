@@ -14,7 +14,6 @@ import numpy as np
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.identify.machine_parameters import Parameter, bends_of
 from tssgeom.identify.machine_problem import Problem
-from tssgeom.identify.machine_route_errors import ROUTE_ERRORS
 from tssgeom.identify.machine_run import MachineRun
 from tssgeom.identify.prediction import sensor_bends
 from tssgeom.rig import Sensor
@@ -40,7 +39,7 @@ def with_sensor_errors(
         those = [k for k, run in enumerate(runs) if name in run.measured]
         bows = np.concatenate([sensor_bends(channels[k][name], sensor) / runs[k].noise[name] for k in those])
         _, size, turned = np.linalg.svd(bows, full_matrices=False)
-        bent[name] = turned[size > ROUTE_ERRORS.clear].T
+        bent[name] = turned[size > 1.0].T  # that change χ² by more than one
         for k in those:
             own = sensor_bends(channels[k][name], sensor) @ bent[name]
             runs[k] = replace(runs[k], bends={**runs[k].bends, **_named(name, own, runs[k].measured)})

@@ -29,7 +29,7 @@ from tssgeom.identify.machine_fit import fitted_again
 from tssgeom.identify.machine_forecast import Forecast, contradiction
 from tssgeom.identify.machine_parts import Part
 from tssgeom.identify.machine_physics import refused
-from tssgeom.identify.machine_problem import Problem
+from tssgeom.identify.machine_problem import FIT, Problem
 from tssgeom.identify.machine_refit import MACHINE_SEARCH, held_out_asks, refitted
 from tssgeom.identify.machine_run import MachineRun
 from tssgeom.identify.machine_score import PartScore
@@ -127,9 +127,9 @@ def refits(
     tests = sorted(tests, key=lambda one: -one.gain)
     quick = [_refit(base, model, one, kept) for one in tests[: MACHINE_SEARCH.refitted]]
     tried = sorted((one for one in quick if one is not None), key=lambda one: -one.delta_bic)
-    few = [_continued(base, model, one, kept) for one in tried[: MACHINE_SEARCH.continued]]
+    few = [_continued(base, model, one, kept) for one in tried[: FIT.starts]]
     few.sort(key=lambda one: -one.delta_bic)
-    return PartStep(model, (*few, *tried[MACHINE_SEARCH.continued :]))
+    return PartStep(model, (*few, *tried[FIT.starts :]))
 
 
 def is_far(model: FittedModel) -> bool:

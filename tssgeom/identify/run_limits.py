@@ -27,8 +27,6 @@ class LimitSettings:
 
     through: int = 4
     """Steps over which a speed is taken; chosen: corners that were added to a drive make short steps."""
-    of_scale: float = 0.95
-    """Of the full scale of a load cell: tension that is used at most [1]; chosen."""
 
 
 LIMITS = LimitSettings()
@@ -119,7 +117,7 @@ def within_limits(
     scale = rig.sensors.get("tension_in_N", Sensor()).full_scale
     tension = max(each["tension_N"] for each in reached)
     default = {
-        "tension_N": min(tension, LIMITS.of_scale * scale) if scale > 0.0 else tension,
+        "tension_N": min(tension, (1.0 - PLAUSIBLE.slight) * scale) if scale > 0.0 else tension,
         "least_tension_N": max(min(each["least_tension_N"] for each in reached), 0.0),
         "speed_mm_per_s": max(each["speed_mm_per_s"] for each in reached),
         "travel_mm": max(each["travel_mm"] for each in reached),

@@ -24,7 +24,8 @@ class Limits:
     """Chosen: more than noise or a reading or two make, twice what a cell's zero may be off, and a usual
     error of a gain; less is no motion, no bend, no work, and no length beside the whole. Of a range [1]."""
     negligible: float = 0.01
-    """Chosen: less is invisible in a picture, and meshes, drives and batches differ by as much. Share of a
+    """Chosen: less is invisible in a picture, and meshes, drives and batches differ by as much; a
+    noise that changes by less has converged. Share of a
     quantity by which it has to differ before anything is said or done about it [1]."""
     usual_strain: float = 0.1
     """Chosen: steel yields at 0.01, polymers are used to 0.05. Strain that is worth a warning [1]."""

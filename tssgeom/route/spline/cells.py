@@ -12,6 +12,7 @@ from tssgeom import core
 from tssgeom.arrays import Points, read_only, rows_at
 from tssgeom.core.constants import CHANCE
 from tssgeom.core.constants_route import OUTLIERS, SPACING
+from tssgeom.plausibility.limits import LIMITS as PLAUSIBLE
 from tssgeom.route.observations import Shape
 from tssgeom.route.route import Route
 from tssgeom.route.spline.problem import Problem, Solution
@@ -20,8 +21,6 @@ from tssgeom.route.spline.problem import Problem, Solution
 class CellRules(NamedTuple):
     """When neighbouring points share their errors, as in centre lines traced in images, and what is done."""
 
-    quiet: float = 0.01
-    """Noise of the median distance [1], below which neighbours are close because the route bends; chosen."""
     correlation: float = -3.5
     """Autocorrelation of the innovations below which errors are not white [standard deviations]; chosen:
     white ones stay above -3."""
@@ -44,7 +43,9 @@ def clustered(points: Points, noise: float) -> bool:
     """
     steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
     usual = np.median(steps)
-    return bool(noise > CELLS.quiet * usual and np.mean(SPACING.uneven * steps < usual) > OUTLIERS.share)
+    return bool(
+        noise > PLAUSIBLE.negligible * usual and np.mean(SPACING.uneven * steps < usual) > OUTLIERS.share
+    )
 
 
 def correlation_of_innovations(problem: Problem, solution: Solution) -> float:

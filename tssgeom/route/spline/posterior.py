@@ -11,6 +11,7 @@ from tssgeom import core
 from tssgeom.arrays import Matrix, Points, Vector
 from tssgeom.core.constants_route import PASSES, PRIOR
 from tssgeom.errors import FitError
+from tssgeom.plausibility.limits import LIMITS as PLAUSIBLE
 from tssgeom.route.observations import Shape
 from tssgeom.route.outliers import leaves_out_a_stretch, may_drop_tangent, outlying_tangent
 from tssgeom.route.route import summed
@@ -60,7 +61,7 @@ def _converged(before: Solution, solution: Solution) -> bool:
     """Whether one more pass would change little: noise within a part in a hundred, λ within a twentieth."""
     noise = solution.variance / max(before.variance, 1e-300)
     return (
-        abs(noise - 1.0) < PASSES.same_noise
+        abs(noise - 1.0) < PLAUSIBLE.negligible
         and abs(np.log(solution.ratio / before.ratio)) < PASSES.same_ratio
     )
 
