@@ -70,7 +70,8 @@ class Limits:
     """Chosen: digits alone make fewer equal rows beside a drive that moves on. Equal rows at an
     extreme [1]."""
     repeated_rows: int = 10
-    """Chosen: with noise in two channels the chance is below 10⁻¹⁰. Rows that occur twice in a row [1]."""
+    """Chosen: with noise in two channels the chance is below 10⁻¹⁰. Rows that occur twice in a
+    row, and fewest rows or frames that show how much something varies [1]."""
     pause: float = 50.0
     """Chosen: longer than a lost packet, and no recorder varies so much. Time between rows over a usual one,
     or its inverse [1]."""

@@ -9,6 +9,7 @@ import numpy as np
 
 from tssgeom.arrays import Points, Vector
 from tssgeom.core.constants import CHANCE, MEDIANS
+from tssgeom.plausibility.limits import LIMITS as PLAUSIBLE
 from tssgeom.route.observations import MIN_POINTS
 
 
@@ -21,8 +22,6 @@ class LengthLimits:
     it is outvoted, and a route that begins to move is like those on one side."""
     around: int = 8
     """Frames before, and as many after, that show how much it varies there [1]. Chosen."""
-    fewest: int = 10
-    """Frames that show how much the length varies [1]. Chosen."""
     share: float = 0.005
     """Difference over the length below which nothing is said [1]. Chosen: markers that sit on a sheath which
     moves quickly differ by half of it."""
@@ -42,7 +41,7 @@ def outlying_lengths(points: Mapping[int, Points]) -> dict[int, str]:
     """
     first = next(iter(points.values()), np.zeros((0, 3)))
     complete = [i for i, each in points.items() if each.shape == first.shape and np.isfinite(each).all()]
-    if len(complete) < LENGTHS.fewest or len(first) < MIN_POINTS or first.shape[1] != 3:
+    if len(complete) < PLAUSIBLE.repeated_rows or len(first) < MIN_POINTS or first.shape[1] != 3:
         return {}
     chords, longer = _lengths(np.array([points[i] for i in complete]))
     length = chords + longer

@@ -12,6 +12,7 @@ import rerun as rr
 
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.stream import FrameResult
+from tssgeom.summary import RANGED
 from tssgeom.view import colours
 from tssgeom.view.quantities import ANGLE, ELONGATION, TENSION_IN, TENSION_OUT, Quantity
 from tssgeom.view.samples import Ranges, RouteSamples, front, numbers_of, ranges, route_samples
@@ -98,17 +99,7 @@ ON_ROUTE = ("s_m", "tension_N", "phi_rad", "kappa_per_m", "kappa_se_per_m", "phi
 """Numbers at every node that is drawn, in single precision."""
 ON_JOINTS = ("length_m", "angle_rad")
 """Numbers of every piece."""
-NUMBERS = (
-    "length_m",
-    "total_angle_rad",
-    "total_angle_se_rad",
-    "tension_in_N",
-    "tension_out_N",
-    "tension_out_se_N",
-    "elongation_m",
-    "elongation_se_m",
-    "slip_front_m",
-)
+NUMBERS = (*RANGED, "slip_front_m")
 """Numbers of the frame as a whole."""
 SEQUENCE = "seq"
 """Count of the frame among all that were sensed."""
