@@ -17,7 +17,7 @@ from tssgeom.route.time_filter import PointFilter
 from tssgeom.route.tracking import NotWarmError, TrackedFit, model_checked
 from tssgeom.sensed_route import SensedRoute, sensed_route
 from tssgeom.smoothed_frames import along_the_route, smoothed_at_once, smoothed_in_windows
-from tssgeom.stream import Carried, FrameResult, Rejected, at_rest, drives_tendon, held, pulled
+from tssgeom.stream import Carried, FrameResult, Rejected, at_rest, held, pulled
 from tssgeom.tendon.commander import Commander
 from tssgeom.tendon.state import TendonState
 
@@ -148,7 +148,7 @@ class Engine:
                 fitted = _attempt(seq, frame, sensed_route, frame, self._rig, track.last, filtered)
             else:
                 fitted = sensed
-            tension_in, is_driven = self._tension_in, drives_tendon(frame)
+            tension_in, is_driven = self._tension_in, frame.drives_tendon
             if self._was_driven and not is_driven and isinstance(self._state, TendonState):
                 frame, tension_in = held(frame, self._state)
             before, more = (self._state, self._rig, tension_in), (self._commander, self._follower)

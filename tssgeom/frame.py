@@ -84,6 +84,12 @@ class Frame(Result):
     of_machine: Mapping[str, float] | None = None
     """What was measured of a machine, by channel in SI, and its target; docs/machines.md."""
 
+    @property
+    def drives_tendon(self) -> bool:
+        """Whether it brings the drive of one tendon, or its target."""
+        drives = (self.tension_in, self.displacement_in, self.displacement_target, self.tension_out_target)
+        return any(each is not None for each in drives)
+
 
 def fit_frame(
     frame: Frame, rig: Rig, last: TrackedFit | None = None, now: PointFilter | None = None
@@ -111,7 +117,9 @@ def fit_frame(
         now = filtered(last.filtered, frame.points, last.fit.noise, frame.time)
     noise = stated if now is None or stated is None else noise_left(now, stated)
     turn = _direction_noise(rig, last)
-    shape = sensed_points(frame if now is None else _with_points_of(now, frame), rig, turn)
+    if now is not None:
+        frame = replace(frame if now.order is None else with_rows(frame, now.order), points=now.points)
+    shape = sensed_points(frame, rig, turn)
     if now is not None and now.warnings:
         shape = replace(shape, warnings=shape.warnings + now.warnings)
     last = None if last is None or (last.fit.chain or last.fit.spline) is None else last
@@ -204,12 +212,6 @@ def _ends(frame: Frame, rig: Rig) -> TipReadings | None:
 def _fit_ends(ends: TipReadings) -> tuple[Shape, TrackedFit]:
     points, index = read_only(np.array([ends.base, ends.tip])), read_only(np.array([0.0, 1.0]))
     return Shape(points, index, None, ()), TrackedFit(fit_tip(ends), index)
-
-
-def _with_points_of(now: PointFilter, frame: Frame) -> Frame:
-    """Return a frame with filtered points, and its directions in their order."""
-    listed = frame if now.order is None else with_rows(frame, now.order)
-    return replace(listed, points=now.points)
 
 
 def in_order(frame: Frame, first: Vector | None) -> Frame:

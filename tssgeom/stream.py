@@ -283,12 +283,6 @@ def _readings(frame: Frame, rig: Rig) -> tuple[dict[str, float], tuple[str, ...]
     return given, (*notes, *current_notes(given, rig))
 
 
-def drives_tendon(frame: Frame) -> bool:
-    """Whether a frame brings the drive of one tendon, or its target."""
-    drives = (frame.tension_in, frame.displacement_in, frame.displacement_target, frame.tension_out_target)
-    return any(each is not None for each in drives)
-
-
 def held(frame: Frame, state: TendonState) -> tuple[Frame, float]:
     """Return a frame without drive and target with a warning, and the tension at which the tendon is held."""
     pull = state.tension_in
@@ -308,7 +302,7 @@ def _unread(frame: Frame) -> tuple[str, ...]:
         return ()
     wanted = [name for name in frame.of_machine if name.startswith(_MAY_DRIVE) or "_target" in name]
     names = ", ".join(frame.of_machine)
-    if wanted and not drives_tendon(frame):
+    if wanted and not frame.drives_tendon:
         raise SettingsError(
             f"{wanted[0]} is of a machine, and nothing else drives the tendon: give [drive] and [end]"
         )

@@ -11,7 +11,7 @@ import numpy as np
 from rich.console import Console
 from rich.text import Text
 
-from tssgeom.stream import FrameResult, drives_tendon
+from tssgeom.stream import FrameResult
 
 _MOST_LATENCIES = 100_000  # kept in one interval; chosen: a hundred times what a stream can answer
 
@@ -40,7 +40,7 @@ class Statistics:
         """Count an answered frame."""
         self.answered += 1
         self.last, self.stale = result, False
-        self.undriven = self.undriven or not drives_tendon(result.frame)
+        self.undriven = self.undriven or not result.frame.drives_tendon
         if len(self.latencies) < _MOST_LATENCIES:
             self.latencies.append(latency_us)
 

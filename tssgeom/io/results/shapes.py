@@ -15,7 +15,7 @@ import msgspec
 from tssgeom.errors import printable
 from tssgeom.io.results.keys.shapes import ClearanceOf, Contact, Segment
 from tssgeom.lumen.clearance import Clearance, Region
-from tssgeom.stream import FrameResult, Rejected, drives_tendon
+from tssgeom.stream import FrameResult, Rejected
 from tssgeom.summary import RANGED, RunningSummary
 
 _MOST_WARNINGS = 5  # different texts in the object of a recording; chosen
@@ -97,7 +97,7 @@ def shape_summary(name: str, result: FrameResult, notes: Iterable[str] = ()) -> 
 
 def _assumed(result: FrameResult) -> bool:
     """Whether the frame brings nothing that drives the tendon, so that T_in is that of the option."""
-    return not (drives_tendon(result.frame) if result.machine is None else result.machine.driven)
+    return not (result.frame.drives_tendon if result.machine is None else result.machine.driven)
 
 
 def _geometry(result: FrameResult) -> dict[str, Any]:
