@@ -33,7 +33,7 @@ from tssgeom.route.model_choice import (
     preference,
     search_variance,
 )
-from tssgeom.route.observations import Shape, are_few, on_chords, order_warnings, outlier_warnings
+from tssgeom.route.observations import Shape, on_chords, order_warnings, outlier_warnings
 from tssgeom.route.order import order_warning, there_and_back, with_order_warning
 from tssgeom.route.pieces import Arcs, smooth_geometry
 from tssgeom.route.plane import noise_of_plane
@@ -144,7 +144,7 @@ def within_bounds(fit: RouteFit, shape: Shape) -> RouteFit:
     through = polygon_of(shape, fit.weight)
     broken = through.broken(fit.arcs.total_length, fit.arcs.total_angle, fit.noise)
     fit = fit if broken is None else fit.warned(broken)
-    if shape.stations is None or fit.spline is None or are_few(shape.points):
+    if shape.stations is None or fit.spline is None or shape.is_of_few:
         return fit
     apart = stretched(fit.spline.route)
     return fit if apart is None else fit.warned(apart)
@@ -167,7 +167,7 @@ def checked(result: RouteFit, shape: Shape) -> RouteFit:
 def _measured(shape: Shape, noise: float | None, method: Method) -> RouteFit:
     spline = averaged(shape, noise, fit(shape, noise))
     smooth = with_few_points_variance(spline_fit(spline), shape)
-    if are_few(shape.points) and not spline.shared_angle_error:
+    if shape.is_of_few and not spline.shared_angle_error:
         smooth = replace(smooth, turned=turned_between(shape.points, smooth, noise, shape.direction_noise))
     if method == "spline" or not chain_allowed(shape, spline):
         refuse_folded(spline.route)
@@ -236,7 +236,7 @@ def with_few_points_variance(smooth: RouteFit, shape: Shape) -> RouteFit:
 
     Whichever is more: arcs exceed the chords between few points with the square of the angle.
     """
-    if not are_few(shape.points):
+    if not shape.is_of_few:
         return smooth
     arcs = smooth.arcs
     longer = arcs.total_length - float(np.sum(step_lengths(shape.points[smooth.weight > 0.0])))

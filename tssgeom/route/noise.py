@@ -9,7 +9,7 @@ from tssgeom.core.constants import CHANCE, ROUNDING
 from tssgeom.errors import FitError
 from tssgeom.route.filter_limits import FILTER
 from tssgeom.route.geometry import measure
-from tssgeom.route.observations import Shape, are_few
+from tssgeom.route.observations import Shape
 from tssgeom.route.route_fit import RouteFit
 from tssgeom.route.spline.fit import fit
 from tssgeom.route.time_filter import PointFilter
@@ -42,7 +42,7 @@ def contradicted(shape: Shape, stated: float, alone: RouteFit | None) -> RouteFi
     -----
     Source: docs/model.md (223).
     """
-    if are_few(shape.points):
+    if shape.is_of_few:
         return None
     try:
         free = fit(shape, None)

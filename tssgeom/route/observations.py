@@ -42,6 +42,11 @@ class Shape:
     length_noise: float = 0.0
     """Standard deviation of that length [m]."""
 
+    @property
+    def is_of_few(self) -> bool:
+        """Whether its points are so few that models and λ are averaged; docs/model.md (150)."""
+        return are_few(self.points)
+
 
 @dataclass(frozen=True, slots=True)
 class NoisePrior:

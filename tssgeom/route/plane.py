@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from tssgeom.core.constants import CHANCE
-from tssgeom.route.observations import NOISE_PRIOR, Shape, are_few
+from tssgeom.route.observations import NOISE_PRIOR, Shape
 from tssgeom.route.resolution import LIMITS
 from tssgeom.route.route import step_lengths
 from tssgeom.route.route_fit import RouteFit
@@ -31,7 +31,7 @@ def noise_of_plane(shape: Shape, fit: RouteFit) -> float | None:
     points = shape.points[fit.weight > 0.0]
     free = len(points) - 3
     shared = fit.spline is not None and fit.spline.shared_angle_error > 0.0
-    if not are_few(shape.points) or shape.directions is not None or shared or free < 1:
+    if not shape.is_of_few or shape.directions is not None or shared or free < 1:
         return None
     length = float(np.sum(step_lengths(points)))
     square = float(np.linalg.svd(points - points.mean(axis=0), compute_uv=False)[-1]) ** 2

@@ -17,7 +17,7 @@ from tssgeom.core.constants_route import PASSES, PRIOR, SEARCH
 from tssgeom.errors import FitError
 from tssgeom.route.bounds import Polygon, polygon_of
 from tssgeom.route.model_choice import added_variance, model_probabilities
-from tssgeom.route.observations import MIN_POINTS, NOISE_PRIOR, Shape, are_few, noise_price, on_chords
+from tssgeom.route.observations import MIN_POINTS, NOISE_PRIOR, Shape, noise_price, on_chords
 from tssgeom.route.pieces import smooth_geometry
 from tssgeom.route.route import step_lengths
 from tssgeom.route.spline.fit import fit
@@ -90,7 +90,7 @@ def averaged(shape: Shape, noise: float | None, spline: Spline) -> Spline:
     Where stations are unknown and the points accurate, stations by arcs over the chords are tried as well:
     on few points those at the feet of the points may not converge.
     """
-    if not are_few(shape.points) or spline.shared_angle_error:
+    if not shape.is_of_few or spline.shared_angle_error:
         return spline
     candidates = list(_candidates(shape, noise, spline))
     first = candidates[:1]

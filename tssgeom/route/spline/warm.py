@@ -8,7 +8,7 @@ from typing import NamedTuple
 from tssgeom import core
 from tssgeom.arrays import Vector
 from tssgeom.core.constants_route import PASSES, SEARCH
-from tssgeom.route.observations import Shape, are_few, noise_price, on_chords
+from tssgeom.route.observations import Shape, noise_price, on_chords
 from tssgeom.route.route import Route
 from tssgeom.route.spline.posterior import warmed
 from tssgeom.route.spline.problem import LastPass, deviance, scaled_variance
@@ -49,7 +49,7 @@ def warm(
         return None
     one_pass = _pass_of_core if shape.directions is None else _pass_in_parts
     moved = one_pass(shape, noise, before, growth)
-    if moved.spline is None and noise is None and are_few(shape.points):
+    if moved.spline is None and noise is None and shape.is_of_few:
         kept = one_pass(shape, before.noise * math.sqrt(growth), before, growth)
         if kept.criterion - moved.criterion < _UNLIKELY:
             moved = kept
