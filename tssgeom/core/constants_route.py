@@ -62,7 +62,7 @@ class PointLimits(NamedTuple):
 
     least_extent: float = 1e-6
     """Extent below which points have none, and distance from a wall that every point is allowed [m]. Chosen:
-    below any tendon."""
+    below any tendon. Points so far from the origin that their rounding is more are refused."""
     usual_least: float = 1e-3
     """Extent below which the unit may be wrong [m]. Chosen."""
     usual_most: float = 100.0
@@ -70,8 +70,6 @@ class PointLimits(NamedTuple):
     few: int = 40
     """Points up to which λ is averaged over and a wrong order is searched for, and from which little noise is
     evidence [1]. Chosen: more determine λ to a small part of the error of Φ; the search takes 3 ms."""
-    farthest: float = 1e6
-    """Distance from the origin above which points are refused [m]. Derived: rounding of 1e-10 m."""
 
 
 POINTS = PointLimits()

@@ -72,8 +72,6 @@ SWEEP = SweepTolerances()
 class BarLimits(NamedTuple):
     """Small numbers in the laws of bars and contacts, and in the march through a run."""
 
-    series_below: float = 1e-2
-    """Fall of ln T over a run below which its moment is better from the series [1]; chosen."""
     least_load: float = 1e-3
     """Below this tension load-dependent friction depends on the load no more [N]; chosen."""
     turn: float = 2e-7

@@ -246,7 +246,7 @@ static int plain(int64_t n, const double points[][3]) {
         double low = points[0][c], high = points[0][c];
         for (int64_t i = 0; i < n; i++) {
             double x = points[i][c];
-            if (!(fabs(x) <= POINTS.farthest)) return 0;
+            if (!(ROUNDING.exact * fabs(x) <= POINTS.least_extent)) return 0;
             low = least(low, x), high = most(high, x);
         }
         square += squared(high - low);

@@ -38,7 +38,7 @@ static double mean_decay(double x) { return x == 0.0 ? 1.0 : -expm1(-x) / x; }
 
 /* Mean of τ·exp(−xτ) over 0 ≤ τ ≤ 1; docs/model.md (12). */
 static double mean_decay_moment(double x) {
-    if (fabs(x) < BAR.series_below)
+    if (fabs(x) < 0.01) /* from there on the next term of the series, x⁶/5760, is no longer rounding */
         return 1.0 / 2 - x * (1.0 / 3 - x * (1.0 / 8 - x * (1.0 / 30 - x * (1.0 / 144 - x / 840))));
     return (mean_decay(x) - exp(-x)) / x;
 }

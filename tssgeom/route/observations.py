@@ -244,7 +244,7 @@ def _usable(points: Points, known: Vector | None) -> tuple[np.ndarray, tuple[str
     if np.isinf(points).any():
         row = int(np.argmax(np.isinf(points).any(axis=1)))
         raise ShapeError(f"point {row} is infinite: leave a missing point empty or NaN")
-    far = (np.abs(points) > POINTS.farthest).any(axis=1)
+    far = (ROUNDING.exact * np.abs(points) > POINTS.least_extent).any(axis=1)
     if far.any():
         most, row = np.nanmax(np.abs(points)), int(np.argmax(far))
         raise ShapeError(f"point {row} of {most:g} m is too far out: check the unit of the coordinates")

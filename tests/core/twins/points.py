@@ -9,7 +9,7 @@ import numpy as np
 from tests.core.twins.arcs_fit import outlier_limit, residual_variance
 from tests.core.twins.raw_outliers import worst_outlier
 from tests.core.twins.statistics import median
-from tssgeom.core.constants import MEDIANS
+from tssgeom.core.constants import MEDIANS, ROUNDING
 from tssgeom.core.constants_route import ORDERING, OUTLIERS, POINTS, SPACING
 
 MIN_POINTS = 4
@@ -110,7 +110,7 @@ def _plain(points: np.ndarray) -> bool:
         least, most = points[0, c], points[0, c]
         for i in range(len(points)):
             x = points[i, c]
-            if not abs(x) <= POINTS.farthest:
+            if not ROUNDING.exact * abs(x) <= POINTS.least_extent:
                 return False
             least, most = min(least, x), max(most, x)
         square += (most - least) ** 2

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from tssgeom.core.constants import CHANCE, ROUNDING
-from tssgeom.core.constants_tendon import BAR, PROFILE
+from tssgeom.core.constants_tendon import PROFILE
 
 _SHARES = 8
 
@@ -138,7 +138,7 @@ def mean_decay(x):
 
 def mean_decay_moment(x):
     """Mean of τ·exp(−xτ) over 0 ≤ τ ≤ 1 [1]."""
-    if abs(x) < BAR.series_below:
+    if abs(x) < 0.01:
         return 1 / 2 - x * (1 / 3 - x * (1 / 8 - x * (1 / 30 - x * (1 / 144 - x / 840))))
     return (mean_decay(x) - math.exp(-x)) / x  # docs/model.md (12)
 
