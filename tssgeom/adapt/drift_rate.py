@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from tssgeom import core
 from tssgeom.adapt.readings import mean_and_covariance
 from tssgeom.arrays import Matrix, Vector
-from tssgeom.statistics import EVEN
+from tssgeom.statistics import EVEN, HELD
 
 
 class DriftSettings(NamedTuple):
@@ -20,8 +20,6 @@ class DriftSettings(NamedTuple):
     shares: tuple[float, ...] = (0.0, *(10.0 ** (0.5 * i) for i in range(-6, 4)))
     """Variances of a drift that are compared, over that which the rig states [1]. Chosen: from none to six
     times as fast; a fault is faster yet."""
-    faster: float = 0.05
-    """Probability at the start that it drifts faster than the rig states [1]; chosen: one rig in 20."""
     changes: float = 1e-4
     """Probability in a second that its rate becomes another one [1/s]; chosen: once in hours."""
     least: float = 1e-2
@@ -33,8 +31,9 @@ class DriftSettings(NamedTuple):
         """[shares] Probability of each at the start."""
         share = np.array(self.shares)
         faster, rest = share > 1.0, (share > 0.0) & (share <= 1.0)
-        slower = 1.0 - EVEN - self.faster  # that a number drifts at all is as likely as not
-        return EVEN * (share == 0.0) + self.faster * faster / faster.sum() + slower * rest / rest.sum()
+        beyond = 1.0 - HELD  # what a rig states holds as often as an interval
+        slower = HELD - EVEN  # that a number drifts at all is as likely as not
+        return EVEN * (share == 0.0) + beyond * faster / faster.sum() + slower * rest / rest.sum()
 
 
 DRIFT = DriftSettings()

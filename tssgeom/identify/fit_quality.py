@@ -188,7 +188,7 @@ def weights_of(left: Sequence[Vector], least: Iterable[float] | None = None) -> 
 
 def inflation_of(left: Vector) -> float:
     """Return readings over effective ones, 1 + 2 Σ autocorrelation while positive; docs/model.md (73)."""
-    clipped = np.clip(left, -3.0, 3.0)
+    clipped = np.clip(left, -CHANCE.clear, CHANCE.clear)
     size = len(clipped)
     padded = np.fft.rfft(clipped - clipped.mean(), 2 * size)
     power = np.fft.irfft(np.abs(padded) ** 2)[: size // 2]
