@@ -19,8 +19,7 @@ from tssgeom.core.constants import CHANCE, ROUNDING
 from tssgeom.core.constants_route import OUTLIERS, POINTS
 from tssgeom.route.directions import NOISE_PRIOR
 from tssgeom.route.exchanges import is_shorter, named, order_of
-from tssgeom.route.filter_limits import FILTER
-from tssgeom.route.leaps import FAR, alone, leap_warning, leapt_points
+from tssgeom.route.filter_limits import FAR, FILTER, alone, leap_warning, leapt_points
 from tssgeom.route.lost_ends import LostEnds, carried_on, has_leapt, rows_of, taken
 from tssgeom.route.observations import MIN_POINTS
 from tssgeom.statistics import EVEN, EVIDENCE_SCALE
