@@ -40,7 +40,7 @@ from tssgeom.io.results.tables import CHUNK, Part, part_of, parts, write_parts
 from tssgeom.io.storage import Folder, fetched, local
 from tssgeom.stream import Frame, Rejected
 from tssgeom.summary import RunningSummary
-from tssgeom.tendon.machine_stream import numbers_of
+from tssgeom.tendon.machine_stream import columns_of
 from tssgeom.threads import single_threaded
 from tssgeom.view.figures.style import StyleName, choose
 from tssgeom.view.report.report import ReportEntry, rendered
@@ -164,7 +164,7 @@ def _done(task: Task, path: Path, digest: str, key: str, share: Share | None) ->
     running = RunningSummary.of(recording.frame_count)
     with out.replacing(tables[0]) as frames, out.replacing(tables[1]) as segments:
         upcoming = _parts(task, recording, running.stride, share)
-        write_parts(frames, segments, upcoming, running, numbers_of(task.settings.rig))
+        write_parts(frames, segments, upcoming, running, columns_of(task.settings.rig))
         analysis = require_used(name, task.source, recording, running)
         for table, text in zip((frames, segments), texts, strict=False):
             with out.replacing(text) as draft:
@@ -221,7 +221,7 @@ def _parts(task: Task, recording: Recording, stride: int, share: Share | None) -
     results = recorded(
         recording.frames, settings.rig, tension_in=settings.tension_in, commander=settings.commander
     )
-    for part in parts(task.name, results, stride, numbers_of(settings.rig)):
+    for part in parts(task.name, results, stride, columns_of(settings.rig)):
         report_progress(part.summary.frames, frame_size * part.summary.frames)
         yield part
 
@@ -247,7 +247,7 @@ def part_alone(
     with single_threaded():
         tension_in, commander = settings.tension_in, settings.commander
         results = alone(frames, settings.rig, tension_in=tension_in, first=first, commander=commander)
-        part = part_of(name, results, stride, numbers_of(settings.rig))
+        part = part_of(name, results, stride, columns_of(settings.rig))
     report_progress(len(frames), frame_size * len(frames))
     return part
 

@@ -241,7 +241,7 @@ def test_what_cannot_be_done_is_said_in_one_line(run, tmp_path, shape, monkeypat
     [
         ("calibrate", None, "2 samples with motor_angle_rad: give 5 or more"),
         ("simulate", "--drive", "motor_angle_rad has no value at time_s = 0.1: fill every row"),
-        ("compensate", "--target", "no column joint_angle_rad: a joint follows the angle in it; add one"),
+        ("compensate", "--target", "no target: give joint_angle_rad"),
     ],
 )
 def test_an_error_of_a_run_names_its_file_once(run, tmp_path, monkeypatch, command, option, reported):
@@ -309,8 +309,8 @@ def test_batch_has_a_column_for_each_channel_of_a_machine_and_what_was_measured(
     angle, folder = 0.5 * np.sin(TIME[:40]), tmp_path / "in"
     folder.mkdir()
     points = np.column_stack(_half_circle())
-    rows = [(t, a, 0.1, *point) for t, a in zip(TIME, angle, strict=False) for point in points]
-    names = ("time_s", "motor_angle_rad", "joint_angle_rad", "x_m", "y_m", "z_m")
+    rows = [(t, a, 0.1, 0.2, *point) for t, a in zip(TIME, angle, strict=False) for point in points]
+    names = ("time_s", "motor_angle_rad", "joint_angle_rad", "joint_angle_target_rad", "x_m", "y_m", "z_m")
     table(folder / "moving.csv", **dict(zip(names, np.array(rows).T, strict=True)))
     done = run("batch", folder, "--rig", tmp_path / "rig.toml", "--out", tmp_path / "out", "--no-pictures")
     assert done.status == 0
@@ -320,6 +320,8 @@ def test_batch_has_a_column_for_each_channel_of_a_machine_and_what_was_measured(
     for name in ("tension_out_1_N", "tension_out_2_N", "joint_angle_rad", "motor_torque_Nm"):
         np.testing.assert_allclose(frames[name].to_numpy(), expected[name], atol=1e-12)
     np.testing.assert_allclose(frames["measured_joint_angle_rad"].to_numpy(), 0.1)
+    np.testing.assert_allclose(frames["joint_angle_target_rad"].to_numpy(), 0.2)
+    assert not {each for each in frames.column_names if each.startswith("measured_") and "command" in each}
     assert frames.schema.field("joint_angle_rad").metadata[b"unit"] == b"rad"
     alone = run(
         "batch", folder, "--rig", tmp_path / "rig.toml", "--out", tmp_path / "alone", "--geometry-only"

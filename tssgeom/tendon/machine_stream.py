@@ -322,11 +322,14 @@ def channels_of(rig: Rig) -> tuple[str, ...]:
     return tuple(names)
 
 
-def numbers_of(rig: Rig) -> tuple[str, ...]:
-    """Return the names of `MachineMoment.numbers` that a rig may have; none of one tendon on a spring."""
+def columns_of(rig: Rig) -> tuple[str, ...]:
+    """Return the columns that frames of a machine may have in tables; none of one tendon on a spring.
+
+    They are the names of `MachineMoment.numbers`, then the targets and what was measured.
+    """
     if not rig.is_machine:
         return ()
-    outputs = possible_outputs(rig)
+    channels, outputs = channels_of(rig), possible_outputs(rig)
     names = [name_of(each, "command") for each in (possible_inputs(rig) if outputs else ())]
-    names += [name_of(each, role) for each in outputs for role in ("reached", "se")]
-    return (*channels_of(rig), *names)
+    names += [name_of(each, role) for each in outputs for role in ("reached", "se", "target")]
+    return (*channels, *names, *(f"measured_{each}" for each in channels))

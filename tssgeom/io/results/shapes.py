@@ -196,11 +196,13 @@ def frame_row(item: FrameResult | Rejected) -> dict[str, Any]:
 
 
 def _of_machine(result: FrameResult) -> dict[str, float]:
-    """Return the columns of a machine, and what was measured of it."""
+    """Return the columns of a machine, what was wanted of it, and what was measured."""
     if result.machine is None:
         return {}
-    measured = {f"measured_{name}": value for name, value in (result.frame.of_machine or {}).items()}
-    return result.machine.numbers | measured
+    given = (result.frame.of_machine or {}).items()
+    return result.machine.numbers | {
+        name if "_target_" in name else f"measured_{name}": value for name, value in given
+    }
 
 
 def clearance_object(lumen: str, clearance: Clearance) -> ClearanceOf:

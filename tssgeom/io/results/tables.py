@@ -108,9 +108,9 @@ FRAMES = pa.schema(
 
 
 def frames_schema(of_machine: Sequence[str] = ()) -> pa.Schema:
-    """Return `FRAMES`, with the columns of a machine before its warnings: computed, then as measured."""
-    names = [*of_machine, *(f"measured_{name}" for name in of_machine)]
-    more = [field(each, f"{plain_name(each)} of the machine") for each in names if each not in FRAMES.names]
+    """Return `FRAMES`, with the columns of a machine before its warnings."""
+    names = [each for each in of_machine if each not in FRAMES.names]
+    more = [field(each, f"{plain_name(each)} of the machine") for each in names]
     return pa.schema([*list(FRAMES)[:-1], *more, FRAMES.field("warnings")])
 
 
