@@ -103,9 +103,9 @@ def commanded_machine(
     """
     if tolerance is not None and not 0.0 < tolerance < math.inf:
         raise SettingsError(f"--tolerance-mm is {1e3 * tolerance:g} mm: give a finite value > 0 mm")
+    follows = _followed(run, rig)
     columns, machine = _complete(run), machine_on(arcs, rig)
     commander = machine_commander_of(rig, tolerance=tolerance, waits=policy == "wait")
-    follows = _followed(run, rig)
     targets = {name: columns[name] for name in follows.outputs if name in columns}
     wanted = np.column_stack([targets.get(name, 0.0 * run.time) for name in follows.outputs])
     load = without_zero(columns, "joint_torque_Nm", rig)
