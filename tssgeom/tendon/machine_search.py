@@ -111,14 +111,14 @@ class Sample:
         )
 
     def _along_one(self, near: Vector) -> Vector:
-        """Return the only freedom, by doubling steps and halving them; docs/model.md (184)."""
+        """Return the only freedom, by doubling steps and the Illinois method; docs/model.md (184)."""
         rising, best = self.follows.rising[0], near
 
         def miss(freedom: float) -> float:
             return float(rising @ (self.at(self.drives(np.array([freedom])))[0] - self.target))
 
         low = float(near[0])
-        off = least = miss(low)
+        off = least = of_low = there = miss(low)
         way, step, high = math.copysign(1.0, -off), COMMAND.first, low
         for _ in range(SOLVER.trials):
             high = low + way * step
@@ -131,16 +131,22 @@ class Sample:
                 return np.array([high])
             if there * off < 0.0:
                 break
-            low, step = high, 2.0 * step
+            low, of_low, step = high, there, 2.0 * step
+        of_high, last = there, 0.0
         for _ in range(SOLVER.trials):
-            middle = 0.5 * (low + high)
+            middle = low + (high - low) * of_low / (of_low - of_high)
             there = miss(middle)
             if math.isnan(there) or middle in (low, high):
                 break
             best = np.array([middle])
             if abs(there) <= SOLVER.accepted:
                 break
-            low, high = (middle, high) if there * off > 0.0 else (low, middle)
+            stays = there * last > 0.0  # the other end does: it counts half from then on
+            if there * off > 0.0:
+                low, of_low, of_high = middle, there, of_high * (0.5 if stays else 1.0)
+            else:
+                high, of_high, of_low = middle, there, of_low * (0.5 if stays else 1.0)
+            last = there
         return best
 
     def _balanced(self, near: Vector) -> Vector:
