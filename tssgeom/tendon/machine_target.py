@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
+from functools import lru_cache
 from typing import Literal, NamedTuple, TypeVar
 
 import numpy as np
@@ -10,7 +11,7 @@ import numpy as np
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.core.constants import ROUNDING
 from tssgeom.errors import SettingsError
-from tssgeom.mechanism import coordinates, numbered, per_motor_angle, tendon_count, tip
+from tssgeom.mechanism import Drive, End, coordinates, numbered, per_motor_angle, tendon_count, tip
 from tssgeom.rig import Rig
 from tssgeom.tendon.bars.plant import Memory
 from tssgeom.tendon.machine import MachineState
@@ -74,10 +75,14 @@ def following(rig: Rig, wanted: Collection[str]) -> Following:
     SettingsError
         Where nothing of that follows a target in the rig.
     """
-    end, drive = rig.end, rig.drive
+    return _following(rig.drive, rig.end, frozenset(wanted))
+
+
+@lru_cache(maxsize=16)  # a stream asks twice a frame, always the same
+def _following(drive: Drive, end: End, wanted: frozenset[str]) -> Following:
     count = tendon_count(drive, end)
     arms = per_motor_angle(drive, count)
-    outputs = possible_outputs(rig)
+    outputs = _outputs(drive, end)
     if not outputs or (end.kind == "joint" and not arms.any()):
         raise SettingsError(
             f'of end.kind = "{end.kind}" with drive.kind = "{drive.kind}" nothing follows a target: a joint '
@@ -85,8 +90,8 @@ def following(rig: Rig, wanted: Collection[str]) -> Following:
         )
     if not any(each in wanted for each in outputs):
         raise SettingsError(f"no target: give {' or '.join(outputs)}")
-    inputs = possible_inputs(rig)
-    distal = coordinates(drive, end, rig.load.stiffness_N_per_m).distal
+    inputs = _inputs(drive, end)
+    distal = coordinates(drive, end, 0.0).distal
     if end.kind == "blocked":
         tendons = tuple(k for k, each in enumerate(outputs) if each in wanted)
         outputs = tuple(outputs[k] for k in tendons)
@@ -127,19 +132,27 @@ def outputs_of(follows: Following, state: MachineState) -> Vector:
 
 def possible_outputs(rig: Rig) -> tuple[str, ...]:
     """Return the channels of a machine that may follow a target."""
-    if rig.end.kind == "blocked":
-        return tuple(numbered("tension_out_N", tendon_count(rig.drive, rig.end)))
+    return _outputs(rig.drive, rig.end)
+
+
+def _outputs(drive: Drive, end: End) -> tuple[str, ...]:
+    if end.kind == "blocked":
+        return tuple(numbered("tension_out_N", tendon_count(drive, end)))
     return {
         "joint": ("joint_angle_rad",),
         "segment": ("bending_x_rad", "bending_y_rad"),
         "weight": ("displacement_out_m",),
-    }.get(rig.end.kind, ())
+    }.get(end.kind, ())
 
 
 def possible_inputs(rig: Rig) -> tuple[str, ...]:
     """Return the channels that are commanded in a machine: the motor's, or each drive's."""
-    count = tendon_count(rig.drive, rig.end)
-    by_motor = per_motor_angle(rig.drive, count).any()
+    return _inputs(rig.drive, rig.end)
+
+
+def _inputs(drive: Drive, end: End) -> tuple[str, ...]:
+    count = tendon_count(drive, end)
+    by_motor = per_motor_angle(drive, count).any()
     return ("motor_angle_rad",) if by_motor else tuple(numbered("displacement_in_m", count))
 
 
