@@ -31,8 +31,8 @@ class DriftSettings(NamedTuple):
         """[shares] Probability of each at the start."""
         share = np.array(self.shares)
         faster, rest = share > 1.0, (share > 0.0) & (share <= 1.0)
-        beyond = 1.0 - HELD  # what a rig states holds as often as an interval
-        slower = HELD - EVEN  # that a number drifts at all is as likely as not
+        beyond = round(1.0 - HELD, 2)  # what a rig states holds as often as an interval
+        slower = 1.0 - EVEN - beyond  # that a number drifts at all is as likely as not
         return EVEN * (share == 0.0) + beyond * faster / faster.sum() + slower * rest / rest.sum()
 
 
