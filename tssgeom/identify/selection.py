@@ -40,8 +40,6 @@ class SearchSettings:
     refitted: int = 6
     """Best candidates whose refit goes on, also with the error model about the best, and that are tried
     instead of one that was chosen; chosen for speed."""
-    half: float = 0.5
-    """Of χ² beyond the sensors: two effects that leave more end the search [1]; chosen."""
     nonlinear: float = 3.0
     """ΔBIC that a refit may gain beyond its score test [1]; chosen on development seeds."""
 
@@ -214,9 +212,9 @@ def _posed_about(first: Step) -> tuple[Problem, Errors, tuple[Tried, ...]] | Non
 
 
 def _hopeless(base: Fit, problem: Problem, fit: Fit) -> bool:
-    """Whether two effects have left more than half of what was to be explained: no third will."""
+    """Whether two effects have left more than half of what was to be explained, or of the noise."""
     beyond = [one.chi2 / problem.stack.size - 1.0 for one in (base, fit)]
-    return len(fit.at.effects) > 1 and beyond[1] > max(SEARCH.half * beyond[0], SEARCH.half)
+    return len(fit.at.effects) > 1 and 2.0 * beyond[1] > max(beyond[0], 1.0)  # no third will do
 
 
 @dataclass(frozen=True, slots=True)
