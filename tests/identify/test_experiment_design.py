@@ -88,7 +88,7 @@ def test_the_proposed_run_keeps_its_limits_and_is_worth_more_than_the_menu(worke
     limits = limits_of(started.runs, runs.rig, work.base.at, {"speed_mm_per_s": 3.0})
     assert proposal.stated == ("speed_mm_per_s",)
     assert proposal.limits == limits.values
-    assert 1e3 * np.abs(np.diff(run.values) / np.diff(run.time)).max() <= 3.0 * EFFORT.over
+    assert 1e3 * np.abs(np.diff(run.values[:, 0]) / np.diff(run.time)).max() <= 3.0 * EFFORT.over
     assert run.time[-1] <= limits.duration_s
     for channels in run.channels.values():
         assert channels["tension_in_N"].max() <= EFFORT.over * limits.tension_N

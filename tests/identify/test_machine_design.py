@@ -83,13 +83,13 @@ def test_the_proposed_run_separates_what_one_rate_leaves_alike(dragged):
     assert candidates == ["viscous_drag", "velocity_dependent_friction"]
     proposal = proposed_of_machine(work, Asked(1, {"speed_mm_per_s": 12.0}), 0)
     (run,) = proposal.runs
-    moved = 1e3 * ARM * run.values
+    moved = 1e3 * ARM * run.values[:, 0]
     assert np.abs(np.diff(moved) / np.diff(run.time)).max() <= 12.0 * 1.02
     assert np.abs(moved).max() <= proposal.limits["travel_mm"] * 1.02
     assert len(run.outcomes) == 1
     expected = min(each.delta_bic for each in run.expected)
     held = measured(columns["time_s"], columns["motor_angle_rad"], DRAG, 3)
-    new = measured(run.time, run.values, DRAG, 2)
+    new = measured(run.time, run.values[:, 0], DRAG, 2)
     after = machine_work(replace(made(columns, new, held), held_out=("run 2",)))[0]
     names = [effect.names for effect in after.finding(()).effects]
     assert ("viscous_drag",) in names

@@ -22,7 +22,7 @@ def test_random_and_varied_drives_keep_every_limit():
         assert LIMITS.fewest_rows <= len(course.time) <= WITHIN.samples
         assert course.time[-1] <= WITHIN.duration * (1.0 + 1e-9)
         assert step.min() >= WITHIN.interval * (1.0 - 1e-9)
-        assert np.abs(np.diff(course.drive) / step).max() <= WITHIN.speed * (1.0 + 1e-9)
+        assert np.abs(np.diff(course.drive[:, 0]) / step).max() <= WITHIN.speed * (1.0 + 1e-9)
         assert course.drive.min() >= WITHIN.low - 1e-12
         assert course.drive.max() <= WITHIN.high + 1e-12
         assert course.drive[0] == WITHIN.rest
@@ -36,9 +36,9 @@ def test_too_long_a_run_loses_its_dwells_before_its_slow_legs():
     slow = Waveform((1.0, 0.0), (0.05, 0.05), (0.5, 0.5), 1)
     course = course_of(slow, WITHIN)
     assert course is not None
-    still = np.diff(course.drive) == 0.0
+    still = np.diff(course.drive[:, 0]) == 0.0
     assert still[10:].sum() * (course.time[1] - course.time[0]) < 0.1 * WITHIN.duration
-    speeds = np.abs(np.diff(course.corner) / np.diff(course.corner_time))
+    speeds = np.abs(np.diff(course.corner[:, 0]) / np.diff(course.corner_time))
     assert speeds[speeds > 0.0].min() == pytest.approx(0.05 * WITHIN.speed, rel=0.1)  # legs of whole samples
 
 

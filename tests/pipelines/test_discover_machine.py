@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -104,7 +105,9 @@ def test_new_runs_of_a_machine_are_added_and_what_is_held_out_stays(results, tmp
     more.mkdir()
     (more / "run.csv").write_bytes((results / "run.csv").read_bytes())
     (more / "campaign.toml").write_text('[[run]]\ndata = "run.csv"\n', "utf-8")
-    assert with_machine_runs(both, more).held_out == (f"{tmp_path.name}_run",)
+    every = with_machine_runs(both, more)
+    assert (every.held_out, every.in_cycles) == ((), "run")
+    assert with_machine_runs(replace(both, in_cycles=""), more).held_out == (f"{tmp_path.name}_run",)
 
 
 def test_a_command_takes_new_runs_of_a_machine_and_proposes_more(results, tmp_path, capsys):

@@ -73,7 +73,8 @@ def _proposal() -> Proposal:
     x, channel = np.array([0.0, 1.0]), {"tension_out_N": np.zeros(2)}
     arcs, expected = Arcs.exact(0.5, 2.0), (ExpectedEvidence("a", "b", 9.0),)
     one = ProposedRun(
-        *("run_1", "half_circle", "half_slow", arcs, "tension_in_N", x, x, x, x, "why", ("if a",), expected),
+        *("run_1", "half_circle", "half_slow", arcs, ("tension_in_N",), x, x[:, None], x, x[:, None]),
+        *("why", ("if a",), expected),
         channels={"a": channel},
         differences={"b": channel},
         sigma=channel,

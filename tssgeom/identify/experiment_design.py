@@ -116,9 +116,9 @@ def _run(name: str, design: Designed, goal: Goal[CandidateModel], total: Informa
     errors: Errors = errors_of(stack, models[0].at.rig(run.problem.rig), models[0].at.effects)
     (sigma,) = stack.split(total_sigma(errors))
     pairs = contrasts(run, models, total)
-    drive = run.reading.drive
+    drives = (run.reading.drive,)
     outcomes = [
-        outcome(pair, (models[pair.true].name, models[pair.other].name), sigma, design.course, drive)
+        outcome(pair, (models[pair.true].name, models[pair.other].name), sigma, design.course, drives)
         for pair in pairs
     ]
     measured = stack.split(stack.measured)[0]
@@ -128,7 +128,7 @@ def _run(name: str, design: Designed, goal: Goal[CandidateModel], total: Informa
         route=design.choice.words or design.choice.route.name,
         like=design.choice.run,
         new_route=design.choice.route.arcs if design.choice.words else None,
-        drive=drive,
+        drives=drives,
         time=design.course.time,
         values=design.course.drive,
         corner_time=design.course.corner_time,

@@ -163,7 +163,7 @@ class Search:
 
     def reading(self, choice: RouteChoice, course: Course) -> Reading:
         """Return the run as a reading whose measured channels are zero."""
-        given = {"time_s": course.time, self.template.drive: course.drive}
+        given = {"time_s": course.time, self.template.drive: course.drive[:, 0]}
         if "temperature_C" in self.template.given:
             level = float(np.mean(self.template.given["temperature_C"]))
             given["temperature_C"] = np.full(len(course.time), level)

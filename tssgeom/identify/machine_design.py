@@ -5,13 +5,12 @@ Source: docs/discovery.md, "Designed experiments"; docs/model.md (117), (314).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
 from tssgeom.arrays import Vector
-from tssgeom.errors import SettingsError, TssgeomError
 from tssgeom.identify.candidate_models import Left
 from tssgeom.identify.expected_evidence import Information, shrink, step_of
 from tssgeom.identify.experiment_search import EFFORT, Goal, sketches
@@ -24,34 +23,22 @@ from tssgeom.identify.machine_candidates import (
     predicted_run,
     sigma_of,
 )
-from tssgeom.identify.machine_evidence import FittedModel
+from tssgeom.identify.machine_drives import Drives
 from tssgeom.identify.machine_finding import MachineWork
-from tssgeom.identify.machine_prediction import Machines
 from tssgeom.identify.machine_problem import fitted_rows
 from tssgeom.identify.machine_run import MachineRun
 from tssgeom.identify.outcomes import Contrast, outcome
 from tssgeom.identify.proposal import Asked, NarrowedInterval, Proposal, ProposedRun
 from tssgeom.identify.proposal_words import expected_of, sentence, why
-from tssgeom.identify.run_limits import RunLimits, forbidding, top_speed, within_limits
+from tssgeom.identify.run_limits import forbidding
 from tssgeom.identify.selection import separable_from
 from tssgeom.identify.verdict import parameter, plain
-from tssgeom.identify.waveform import Course, Range, Waveform, course_of, random_waveform, varied_waveform
-from tssgeom.tendon.machine_simulation import drive_channels, simulated_channels
+from tssgeom.identify.waveform import Course, Waveform, course_of, varied_waveform
 from tssgeom.threads import single_threaded
 
 
-def check_designable(runs: Sequence[MachineRun]) -> None:
-    """Refuse several drives, and one by force, with SettingsError: no run is designed for them."""
-    channel, *more = drive_channels(runs[0].drive, runs[0].tendons)
-    if more or channel == "tension_in_N":
-        raise SettingsError(
-            f"--propose designs runs by one motor angle or one displacement: {runs[0].name} is driven by "
-            f"{', '.join((channel, *more))}"
-        )
-
-
 def proposed_of_machine(work: MachineWork, asked: Asked, seed: int) -> Proposal:
-    """Design the next experiments of a machine with one drive that is moved: a motor, or one tendon.
+    """Design the next experiments of a machine.
 
     Parameters
     ----------
@@ -65,10 +52,8 @@ def proposed_of_machine(work: MachineWork, asked: Asked, seed: int) -> Proposal:
     Raises
     ------
     SettingsError
-        Where the machine has several drives or one by force, a limit is unknown, or the limits forbid every
-        run.
+        Where a limit is unknown, or the limits forbid every run.
     """
-    check_designable(work.fitted)
     with single_threaded():  # matrices are small
         return _proposed(work, asked, np.random.default_rng(seed))
 
@@ -76,18 +61,14 @@ def proposed_of_machine(work: MachineWork, asked: Asked, seed: int) -> Proposal:
 def _proposed(work: MachineWork, asked: Asked, rng: np.random.Generator) -> Proposal:
     candidates = candidates_of(work)
     first, template = candidates[0].model, work.fitted[0]
-    channel = drive_channels(template.drive, template.tendons)[0]
-    metres = (
-        work.campaign.rig.drive.radius_m / work.campaign.rig.drive.gear if channel.endswith("_rad") else 1.0
-    )
-    drives = _Drives(channel, metres, template, first, (*work.fitted, *work.kept), asked.limits)
+    drives = Drives(first, (*work.fitted, *work.kept), asked.limits)
     which = _widest(candidates[0]) if len(candidates) == 1 else 0
     goal = Goal(Left(tuple(candidates), separable_from(), {}), which)
     made, total = list[ProposedRun](), None
     for k in range(asked.runs):
         best = _best(drives, goal, total, rng)
         total = best.added if total is None else total.plus(best.added)
-        made.append(_run(f"run_{k + 1}", best, goal, total, (channel, template.name)))
+        made.append(_run(f"run_{k + 1}", best, goal, total, (drives.channels, template.name)))
     assert total is not None
     narrowed = None if goal.separates else _narrowed(goal, total)
     limits = drives.limits
@@ -95,76 +76,6 @@ def _proposed(work: MachineWork, asked: Asked, rng: np.random.Generator) -> Prop
     return Proposal(
         sentence(goal, total, narrowed), names, limits.values, limits.stated, tuple(made), narrowed, ""
     )
-
-
-class _Drives:
-    """What the drive of the next run may do, and the run that it makes."""
-
-    def __init__(
-        self,
-        channel: str,
-        metres: float,
-        template: MachineRun,
-        model: FittedModel,
-        runs: Sequence[MachineRun],
-        stated: Mapping[str, float],
-    ) -> None:
-        self.channel, self.metres, self.model = channel, metres, model
-        routes = model.on_known_routes(template).routes
-        none = np.zeros(0, dtype=bool)
-        self.template = replace(template, name="proposed", routes=routes, legs=None, bends={}, held_out=none)
-        self.machines = Machines(model.rig, model.problem.bars)
-        time = [run.given["time_s"] for run in runs]
-        reached = [self._reached(run) for run in runs]
-        interval = min(float(np.median(np.diff(each))) for each in time)
-        self.limits: RunLimits = within_limits(
-            reached, model.rig, stated, interval, max(len(each) for each in time)
-        )
-        both = 2.0 * min(each["least_mm"] for each in reached) < -max(each["travel_mm"] for each in reached)
-        high, limits = 1e-3 * self.limits.travel_mm / metres, self.limits
-        speed = 1e-3 * limits.speed_mm_per_s / metres
-        low = -high if both else 0.0
-        self.range = Range(0.0, low, high, speed, limits.duration_s, limits.interval_s, limits.samples)
-
-    def _reached(self, run: MachineRun) -> dict[str, float]:
-        """Return the extremes of one run by `KEYS`, by the model where they are not measured."""
-        time, moved = (
-            run.given["time_s"],
-            self.metres * (run.given[self.channel] - run.given[self.channel][0]),
-        )
-        known = replace(run, routes=self.model.on_known_routes(run).routes, bends={})
-        tension = _tensions(simulated_channels(self.machines.simulation(known, {})))
-        return {
-            "tension_N": float(tension.max()),
-            "least_tension_N": float(tension.min()),
-            "speed_mm_per_s": 1e3 * top_speed(time, moved),
-            "travel_mm": 1e3 * float(np.abs(moved).max()),
-            "least_mm": 1e3 * float(moved.min()),
-            "duration_s": float(time[-1] - time[0]),
-        }
-
-    def run(self, course: Course) -> MachineRun | None:
-        """Return a run as the first model has it; None where it goes beyond a limit or has no equilibrium."""
-        level = {name: np.full(len(course.time), np.mean(each)) for name, each in self.template.given.items()}
-        given = {**level, "time_s": course.time, self.channel: course.drive}
-        held = np.zeros(len(course.time), dtype=bool)
-        run = replace(self.template, given=given, held_out=held)
-        try:
-            channels = simulated_channels(self.machines.simulation(run, {}))
-        except TssgeomError:
-            return None
-        tension, limits = _tensions(channels), self.limits
-        within = (
-            tension.max() <= EFFORT.over * limits.tension_N
-            and tension.min() >= limits.least_tension_N / EFFORT.over
-        )
-        measured = {name: channels[name] for name in self.template.measured}
-        return replace(run, measured=measured) if within else None
-
-
-def _tensions(channels: Mapping[str, Vector]) -> Vector:
-    """Return the proximal tensions of all tendons, one after the other [N]."""
-    return np.concatenate([each for name, each in channels.items() if name.startswith("tension_in_")])
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,12 +93,12 @@ class _Designed:
 
 
 def _best(
-    drives: _Drives, goal: Goal[MachineCandidate], total: Information | None, rng: np.random.Generator
+    drives: Drives, goal: Goal[MachineCandidate], total: Information | None, rng: np.random.Generator
 ) -> _Designed:
     """Return the best run of some random ones, changed as long as that makes it better."""
 
     def tried(_: int) -> _Designed | None:
-        return _designed(drives, goal, total, random_waveform(rng))
+        return _designed(drives, goal, total, drives.waveform(rng))
 
     sketched = list(sketches(tried, round(EFFORT.elsewhere * EFFORT.sketched)))
     if not sketched:
@@ -201,7 +112,7 @@ def _best(
 
 
 def _designed(
-    drives: _Drives, goal: Goal[MachineCandidate], total: Information | None, waveform: Waveform
+    drives: Drives, goal: Goal[MachineCandidate], total: Information | None, waveform: Waveform
 ) -> _Designed | None:
     """Return a run and what it is worth; None where it is beyond a limit, or a model has no equilibrium."""
     course = course_of(waveform, drives.range)
@@ -219,10 +130,14 @@ def _designed(
 
 
 def _run(
-    name: str, best: _Designed, goal: Goal[MachineCandidate], total: Information, drive: tuple[str, str]
+    name: str,
+    best: _Designed,
+    goal: Goal[MachineCandidate],
+    total: Information,
+    drive: tuple[tuple[str, ...], str],
 ) -> ProposedRun:
-    """Return a run as it is reported; `drive` is its channel, and a run on the same routes."""
-    (channel, like), models, course = drive, goal.models, best.course
+    """Return a run as it is reported; `drive` has its channels, and a run on the same routes."""
+    (channels, like), models, course = drive, goal.models, best.course
     names = [each for _, each, _ in fitted_rows([best.run], held_out=None) if each in best.sigma]
 
     def by_channel(flat: Vector) -> dict[str, Vector]:
@@ -233,7 +148,7 @@ def _run(
     pairs = [_contrast(best, goal, total, k, by_channel) for k in range(1, len(models))]
     sigma = {each: np.full(len(course.time), best.sigma[each]) for each in names}
     outcomes = [
-        outcome(pair, (models[pair.true].name, models[pair.other].name), sigma, course, channel)
+        outcome(pair, (models[pair.true].name, models[pair.other].name), sigma, course, channels)
         for pair in pairs
     ]
     narrowed = None if goal.separates else _narrowed(goal, total)
@@ -242,7 +157,7 @@ def _run(
         route=f"as in {like}",
         like=like,
         new_route=None,
-        drive=channel,
+        drives=channels,
         time=course.time,
         values=course.drive,
         corner_time=course.corner_time,

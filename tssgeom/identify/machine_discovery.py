@@ -16,7 +16,7 @@ import numpy as np
 from tssgeom.arrays import Vector
 from tssgeom.errors import SettingsError
 from tssgeom.identify.finding import Evidence, Finding
-from tssgeom.identify.machine_design import check_designable, proposed_of_machine
+from tssgeom.identify.machine_design import proposed_of_machine
 from tssgeom.identify.machine_evidence import (
     FittedModel,
     changes,
@@ -91,8 +91,6 @@ def discover_machine(
     Source: docs/model.md (196) to (198).
     """
     begun = time.perf_counter()
-    if propose is not None:
-        check_designable(campaign.runs)
     with single_threaded():  # matrices are small
         work, notes = machine_work(campaign, progress)
         progress("putting it together", 0.9)
@@ -169,11 +167,14 @@ def parted_runs(
     each = max(FIT.least_of_each, FIT.most_of_all // len(campaign.runs))
     runs = [replace(thinned(run, each), held_out=np.zeros(0, dtype=bool)) for run in campaign.runs]
     runs = [replace(run, held_out=np.zeros(len(run.given["time_s"]), dtype=bool)) for run in runs]
-    if len(runs) == 1:
-        if campaign.held_out:
-            raise SettingsError(f"{runs[0].name} is the only run and held out: leave at least one to fit")
-        mask, how = _every_other(runs[0])
-        return (replace(runs[0], held_out=mask),), (), (f"Held out: {how} of {runs[0].name}.",)
+    if len(runs) == 1 and campaign.held_out:
+        raise SettingsError(f"{runs[0].name} is the only run and held out: leave at least one to fit")
+    in_cycles = campaign.in_cycles or (runs[0].name if len(runs) == 1 else "")
+    if in_cycles and not campaign.held_out:
+        k = next(k for k, run in enumerate(runs) if run.name == in_cycles)
+        mask, how = _every_other(runs[k])
+        runs[k] = replace(runs[k], held_out=mask)
+        return tuple(runs), (), (f"Held out: {how} of {in_cycles}.",)
     names = campaign.held_out or (runs[-1].name,)
     why = "as the campaign says" if campaign.held_out else "the last, since the campaign marks none"
     fitted = tuple(run for run in runs if run.name not in names)

@@ -71,6 +71,8 @@ class MachineCampaign:
     held_out: tuple[str, ...] = ()
     """Names of runs that the user keeps from every fit."""
     notes: tuple[str, ...] = ()
+    in_cycles: str = ""
+    """The run of which every other cycle stays held out, where it was the only one before others came."""
 
 
 @dataclass(frozen=True, slots=True)

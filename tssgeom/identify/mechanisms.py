@@ -161,7 +161,8 @@ def speed_law(x: Vector) -> Mechanism:
         return np.exp(u[:-1])
 
     def effect(u: Vector) -> AnyEffect:
-        memory = KNOTS.lag_s * math.exp(u[-1])
+        with np.errstate(over="ignore"):  # the law refuses what is infinite
+            memory = KNOTS.lag_s * float(np.exp(u[-1]))
         return FrictionLaw(over="speed", x=knots, factor=tuple(value(u).tolist()), memory_s=memory)
 
     even = np.linspace(0.0, 1.0, len(x))

@@ -61,7 +61,11 @@ def words_of(name: str) -> str:
 
 
 def outcome(
-    contrast: Contrast, names: tuple[str, str], sigma: Mapping[str, Vector], course: Course, drive: str
+    contrast: Contrast,
+    names: tuple[str, str],
+    sigma: Mapping[str, Vector],
+    course: Course,
+    drives: Sequence[str],
 ) -> tuple[str, str]:
     """Return the channel in which two models differ most, and what each outcome means, a sentence.
 
@@ -73,8 +77,8 @@ def outcome(
         Of the one that is taken for true, and of the other.
     sigma
         [n] Of the sensors by channel [N, m].
-    course, drive
-        The drive, and which channel it is.
+    course, drives
+        What the drives do, and which channels they are.
     """
     channel, (start, stop) = _clearest(contrast, sigma, course)
     factor, unit = _FACTORS[channel.rpartition("_")[2]]
@@ -84,7 +88,7 @@ def outcome(
     spread = factor * float(np.mean(sigma[channel][rows]))
     digits = max(0, 1 - math.floor(math.log10(max(abs(true - other), 1e-9))))
     middle = f"{0.5 * (true + other):.{digits}f} {unit}"
-    where = f"mean {_SYMBOLS.get(channel, channel)} {_leg(course, start, stop, drive)}"
+    where = f"mean {_SYMBOLS.get(channel, channel)} {_leg(course, start, stop, drives)}"
     expected = (
         f"{where} is {true:.{digits}f} {unit} with {words_of(names[0])} and {other:.{digits}f} {unit} with "
         f"{words_of(names[1])} (sensors ± {_CLEAR * spread:.2g} {unit})"
@@ -116,14 +120,15 @@ def _inner(course: Course, start: int, stop: int) -> np.ndarray:
     return rows
 
 
-def _leg(course: Course, start: int, stop: int, drive: str) -> str:
+def _leg(course: Course, start: int, stop: int, drives: Sequence[str]) -> str:
     """Return which leg or dwell it is, with its rate and its time."""
-    factor, unit = _FACTORS[drive.rpartition("_")[2]]
+    factor, unit = _FACTORS[drives[0].rpartition("_")[2]]
     before, after = factor * course.corner[start], factor * course.corner[stop]
     begin, end = course.corner_time[start], course.corner_time[stop]
-    when = f"({begin:.3g} to {end:.3g} s)"
-    if before == after:
-        return f"in the dwell at {after:.3g} {unit} {when}"
-    rate = abs(after - before) / (end - begin)
-    way = "turn" if drive.endswith("_rad") else "pull" if after > before else "release"
-    return f"in the {way} to {after:.3g} {unit} at {rate:.2g} {unit}/s {when}"
+    when, there = f"({begin:.3g} to {end:.3g} s)", f"{', '.join(f'{each:.3g}' for each in after)} {unit}"
+    if (before == after).all():
+        return f"in the dwell at {there} {when}"
+    rate = np.abs(after - before).max() / (end - begin)
+    way = "pull" if (after > before).all() else "release" if (after < before).all() else "move"
+    way = "turn" if drives[0].endswith("_rad") else way
+    return f"in the {way} to {there} at {rate:.2g} {unit}/s {when}"

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from tssgeom.arrays import Vector
+from tssgeom.arrays import Matrix, Vector
 from tssgeom.errors import SettingsError
 from tssgeom.route.pieces import Arcs
 
@@ -66,16 +66,16 @@ class ProposedRun:
     """A run of the campaign on that route; of another route, on the one that it is made from."""
     new_route: Arcs | None
     """Pieces of another route; None on a route of the campaign."""
-    drive: str
-    """Its channel."""
+    drives: tuple[str, ...]
+    """Their channels."""
     time: Vector
     """[n] [s]."""
-    values: Vector
-    """[n] The drive [m], [N] or [rad]."""
+    values: Matrix
+    """[n, drives] [m], [N], [rad] or [N·m]."""
     corner_time: Vector
     """[k] Ends of legs and dwells [s]."""
-    corners: Vector
-    """[k] The drive there [m], [N] or [rad]."""
+    corners: Matrix
+    """[k, drives] The drives there."""
     why: str
     outcomes: tuple[str, ...]
     """What each outcome would mean, a sentence each."""

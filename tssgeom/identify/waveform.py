@@ -1,5 +1,7 @@
 """Drives of experiments: straight legs between levels, each with its rate and its dwell, some in cycles.
 
+Several drives go together, on a straight line from one point to the next.
+
 Source: docs/discovery.md, "Designed experiments".
 """
 
@@ -9,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tssgeom.arrays import Vector
+from tssgeom.arrays import Matrix, Vector, rows_at
 from tssgeom.plausibility.limits import LIMITS as PLAUSIBLE
 
 
@@ -51,20 +53,22 @@ class Waveform:
     dwells: tuple[float, ...]
     """At the end of each leg, over the longest run [1]."""
     cycles: int
+    ways: tuple[float, ...] = ()
+    """Of each leg, among the points of a `Reach`: the one to which it goes, over their number [1]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Course:
-    """A drive over time."""
+    """What the drives do over time."""
 
     time: Vector
     """[n] Samples [s]."""
-    drive: Vector
-    """[n] [m] or [N]."""
+    drive: Matrix
+    """[n, drives] [m], [N], [rad] or [N·m]."""
     corner_time: Vector
     """[k] Where legs and dwells begin and end; all are samples [s]."""
-    corner: Vector
-    """[k] The drive there [m] or [N]."""
+    corner: Matrix
+    """[k, drives] The drives there."""
 
 
 def random_waveform(rng: np.random.Generator) -> Waveform:
@@ -96,9 +100,17 @@ def _dwell(rng: np.random.Generator) -> float:
     return float(low * (high / low) ** rng.uniform())
 
 
+def with_ways(waveform: Waveform, rng: np.random.Generator) -> Waveform:
+    """Return a waveform whose legs go to points at random, from leg to leg others."""
+    return replace(waveform, ways=tuple(map(float, rng.uniform(size=len(waveform.levels)))))
+
+
 def varied_waveform(waveform: Waveform, rng: np.random.Generator) -> Waveform:
-    """Return a waveform with one thing changed: a level, a speed, a dwell, or the cycles."""
-    k, what = int(rng.integers(len(waveform.levels))), int(rng.integers(5))
+    """Return a waveform with one thing changed: level, speed, dwell or way of a leg, or the cycles."""
+    k, what = int(rng.integers(len(waveform.levels))), int(rng.integers(5 if not waveform.ways else 6))
+    if what == 5:
+        ways = (*waveform.ways[:k], float(rng.uniform()), *waveform.ways[k + 1 :])
+        return replace(waveform, ways=ways)
     levels, speeds, dwells = list(waveform.levels), list(waveform.speeds), list(waveform.dwells)
     if what == 0:
         levels[k] = float(np.clip(levels[k] + WAVEFORM.step * rng.standard_normal(), 0.0, 1.0))
@@ -121,7 +133,7 @@ def varied_waveform(waveform: Waveform, rng: np.random.Generator) -> Waveform:
 
 @dataclass(frozen=True, slots=True)
 class Range:
-    """What the drive of a run may do on one route."""
+    """What the one drive of a run may do on one route."""
 
     rest: float
     """Where it begins [m] or [N]."""
@@ -136,19 +148,61 @@ class Range:
     samples: int
     """Most samples."""
 
+    @property
+    def span(self) -> float:
+        """From the lowest to the highest."""
+        return self.high - self.low
 
-def course_of(waveform: Waveform, within: Range) -> Course | None:
-    """Return the drive of a waveform within limits; None where it does not fit.
+    @property
+    def start(self) -> Vector:
+        """Where it begins [1]."""
+        return np.array([self.rest])
+
+    def ends(self, waveform: Waveform) -> Matrix:
+        """Return where the legs of one cycle end [legs, 1]."""
+        return self.low + self.span * np.array(waveform.levels)[:, None]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Reach:
+    """What several drives may do together, or one by force: a level is a share of the way to a point."""
+
+    start: Vector
+    """[drives] Where they begin [m], [N] or [N·m]."""
+    points: Matrix
+    """[points, drives] Where they may go together."""
+    speed: float
+    """Greatest of any drive, in its unit over s."""
+    duration: float
+    """Longest run [s]."""
+    interval: float
+    """Least time between two samples [s]."""
+    samples: int
+    """Most samples."""
+
+    @property
+    def span(self) -> float:
+        """The farthest that any drive goes."""
+        return float(np.abs(self.points - self.start).max())
+
+    def ends(self, waveform: Waveform) -> Matrix:
+        """Return where the legs of one cycle end [legs, drives]; docs/model.md (345)."""
+        which = (np.array(waveform.ways) * len(self.points)).astype(int)
+        return self.start + np.array(waveform.levels)[:, None] * (self.points[which] - self.start)
+
+
+def course_of(waveform: Waveform, within: Range | Reach) -> Course | None:
+    """Return the drives of a waveform within limits; None where it does not fit.
 
     Too long a run has its dwells shortened first, then its legs made faster, then cycles left out. All legs
-    and dwells begin and end at samples.
+    and dwells begin and end at samples. A step of several drives is that of the one that goes farthest.
     """
-    span = within.high - within.low
+    span = within.span
     if span <= 0.0:
         return None
     for cycles in range(waveform.cycles, 0, -1):
-        levels = within.low + span * np.tile(waveform.levels, cycles)
-        steps = np.abs(np.diff(levels, prepend=within.rest))
+        levels = np.tile(within.ends(waveform), (cycles, 1))
+        steps = np.abs(np.diff(levels, axis=0, prepend=within.start[None])).max(axis=1)
         if (steps < WAVEFORM.apart * span).any():
             return None
         speeds = within.speed * np.tile(waveform.speeds, cycles)
@@ -158,7 +212,9 @@ def course_of(waveform: Waveform, within: Range) -> Course | None:
     return None
 
 
-def _timed(steps: Vector, speeds: Vector, dwells: Vector, within: Range) -> tuple[Vector, Vector] | None:
+def _timed(
+    steps: Vector, speeds: Vector, dwells: Vector, within: Range | Reach
+) -> tuple[Vector, Vector] | None:
     """Return the times of legs and dwells [s]; None where they are too long at the greatest speed."""
     room = within.duration * (1.0 - 2.0 * WAVEFORM.rest / within.samples)
     least = np.maximum(steps / within.speed, WAVEFORM.least_leg * within.interval)
@@ -174,8 +230,8 @@ def _timed(steps: Vector, speeds: Vector, dwells: Vector, within: Range) -> tupl
     return legs, dwells
 
 
-def _sampled(levels: Vector, legs: Vector, dwells: Vector, within: Range) -> Course | None:
-    """Return the drive at even samples, corners among them; None where a leg has too few."""
+def _sampled(levels: Matrix, legs: Vector, dwells: Vector, within: Range | Reach) -> Course | None:
+    """Return the drives at even samples, corners among them; None where a leg has too few."""
     total = legs.sum() + dwells.sum()
     rest = WAVEFORM.rest
     step = max(within.interval, total / (within.samples - rest - 2 * len(legs) - 1))
@@ -183,16 +239,16 @@ def _sampled(levels: Vector, legs: Vector, dwells: Vector, within: Range) -> Cou
     if moving.min() < WAVEFORM.least_leg:
         return None
     still = np.rint(dwells / step).astype(int)
-    at, value = [0, rest], [within.rest, within.rest]
+    at, value = [0, rest], [within.start, within.start]
     for level, leg, dwell in zip(levels, moving, still, strict=True):
         at.append(at[-1] + int(leg))
-        value.append(float(level))
+        value.append(level)
         if dwell:
             at.append(at[-1] + int(dwell))
-            value.append(float(level))
+            value.append(level)
     fits = at[-1] * step <= within.duration * (1.0 + 1e-9)
     if not (fits and PLAUSIBLE.fewest_rows <= at[-1] + 1 <= within.samples):
         return None
     time = np.asarray(step * np.arange(at[-1] + 1), dtype=np.float64)
-    corners, values = step * np.array(at, dtype=np.float64), np.array(value, dtype=np.float64)
-    return Course(time, np.interp(np.arange(at[-1] + 1), at, values), corners, values)
+    samples, values = np.array(at, dtype=np.float64), np.array(value, dtype=np.float64)
+    return Course(time, rows_at(np.arange(at[-1] + 1), samples, values), step * samples, values)

@@ -89,7 +89,7 @@ def with_machine_runs(
 ) -> MachineCampaign:
     """Return a campaign with the runs that the `campaign.toml` of a folder lists, whose rig is not read.
 
-    What is held out of several runs stays, beside what the new ones mark.
+    What is held out stays, beside what the new ones mark; of one run it is cycles unless these mark some.
 
     Raises SettingsError, ShapeError or SourceError as `read_campaign`.
     """
@@ -101,11 +101,13 @@ def with_machine_runs(
     if again := [name for name in names.values() if name in taken]:
         raise SettingsError(f"--with {folder}: {again[0]} is there already: name each folder once")
     named = tuple(replace(run, name=names.get(run.name, run.name)) for run in runs)
-    last = (campaign.runs[-1].name,) if len(campaign.runs) > 1 else ()
+    alone = campaign.runs[0].name if len(campaign.runs) == 1 else campaign.in_cycles
+    last = () if alone else (campaign.runs[-1].name,)
     held = (*(campaign.held_out or last), *(names.get(name, name) for name in held))
     notes.append(f"{', '.join(run.name for run in named)}: added from {folder}")
     every = (*campaign.runs, *named)
-    return replace(campaign, runs=every, held_out=held, notes=(*campaign.notes, *notes))
+    notes = [*campaign.notes, *notes]
+    return replace(campaign, runs=every, held_out=held, notes=tuple(notes), in_cycles=alone)
 
 
 def _runs(

@@ -226,11 +226,12 @@ def write_proposal(folder: Path, proposal: Proposal, version: str) -> None:
 
 
 def _drive_file(run: ProposedRun) -> str:
-    """Return a drive as CSV: positions in mm, tensions in N, angles in rad."""
-    moved = run.drive == "displacement_in_m"
-    name, factor = ("displacement_in_mm", 1e3) if moved else (run.drive, 1.0)
-    rows = (f"{t:.6f},{factor * v:.6f}" for t, v in zip(run.time, run.values, strict=True))
-    return "\n".join((f"time_s,{name}", *rows)) + "\n"
+    """Return the drives as CSV: positions in mm, tensions in N, angles in rad, torques in N·m."""
+    moved = [each.endswith("_m") for each in run.drives]
+    names = [f"{each}m" if in_mm else each for each, in_mm in zip(run.drives, moved, strict=True)]
+    values = run.values * np.where(moved, 1e3, 1.0)
+    rows = (",".join(f"{each:.6f}" for each in row) for row in np.column_stack([run.time, values]))
+    return "\n".join((",".join(("time_s", *names)), *rows)) + "\n"
 
 
 def proposal_object(proposal: Proposal) -> ProposalObject:
@@ -247,7 +248,7 @@ def proposal_object(proposal: Proposal) -> ProposalObject:
 
 
 def _proposed(run: ProposedRun) -> Proposed:
-    arcs = run.new_route
+    arcs, drives, one = run.new_route, list(run.drives), len(run.drives) == 1
     return {
         "data": f"{run.name}.csv",
         "route": run.route,
@@ -255,9 +256,9 @@ def _proposed(run: ProposedRun) -> Proposed:
         "new_route": None
         if arcs is None
         else {"length_m": np.asarray(arcs.length).tolist(), "angle_rad": np.asarray(arcs.angle).tolist()},
-        "drive": run.drive,
+        "drive": drives[0] if one else drives,
         "corner_time_s": run.corner_time.tolist(),
-        "corners": run.corners.tolist(),
+        "corners": (run.corners[:, 0] if one else run.corners.T).tolist(),
         "why": run.why,
         "outcomes": list(run.outcomes),
         "expected": run.expected,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from itertools import cycle
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -99,10 +100,17 @@ def proposal_figure(proposal: Proposal, run: ProposedRun) -> Figure:
 
 
 def _draw_drive(axes: Axes, run: ProposedRun) -> None:
-    drawn = quantity(run.drive)
-    axes.plot(run.time, drawn.factor * run.values, color=INK, linewidth=1.2)
-    axes.plot(run.corner_time, drawn.factor * run.corners, "o", color=INK, markersize=2.5)
-    titles(axes, f"{run.name}, {run.route}: the drive", "", drawn.label)
+    factor, several = quantity(run.drives[0]).factor, len(run.drives) > 1
+    for name, values, corners, colour in zip(
+        run.drives, run.values.T, run.corners.T, cycle(_COLOURS), strict=False
+    ):
+        label = quantity(name).symbol if several else None
+        axes.plot(run.time, factor * values, color=colour, linewidth=1.2, label=label)
+        axes.plot(run.corner_time, factor * corners, "o", color=colour, markersize=2.5)
+    words = "the drives" if several else "the drive"
+    titles(axes, f"{run.name}, {run.route}: {words}", "", quantity(run.drives[0]).label)
+    if several:
+        axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
 
 
 def _draw_differences(axes: Axes, run: ProposedRun, names: Sequence[str]) -> None:

@@ -123,12 +123,12 @@ class Proposed(TypedDict):
     """Run of the campaign that it resembles."""
     new_route: NewRoute | None
     """Pieces of another route; null on a route of the campaign."""
-    drive: str
-    """Channel that drives: `displacement_in_m` or `tension_in_N`."""
+    drive: str | list[str]
+    """Channel that drives, such as `displacement_in_m` or `tension_in_N`; a list where several do."""
     corner_time_s: list[float]
     """Times of the corners of the drive [s]."""
-    corners: list[float]
-    """Drive at the corners, in m or N."""
+    corners: list[float | list[float]]
+    """Drive at the corners, in m, N, rad or N·m; a list for each of several drives."""
     why: str
     """Why this run."""
     outcomes: list[str]
