@@ -97,6 +97,8 @@ class End(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
     """Greatest torque of the weight of what a joint carries [N·m]."""
     gravity_at_rad: float = 0.0
     """Angle between the joint at rest and where the weight has no moment [rad]."""
+    hardening_Nm_per_rad3: float = 0.0
+    """Torque of the joint's load for the cube of its angle, beside its stiffness [N·m/rad³]."""
     friction_Nm: float = 0.0
     """Coulomb friction of the joint itself, beside that of the tendons [N·m]."""
     play_rad: float = 0.0
@@ -112,7 +114,7 @@ class End(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
 
     def __post_init__(self) -> None:
         names = ("radius_m", "stiffness_Nm_per_rad", "gravity_Nm", "play_rad", "length_m", "marker_m")
-        for name in (*names, "friction_Nm"):
+        for name in (*names, "friction_Nm", "hardening_Nm_per_rad3"):
             value = getattr(self, name)
             require(0.0 <= value < math.inf, f"end.{name}", value, "give a finite value >= 0")
         if self.kind in ("joint", "segment"):
@@ -158,7 +160,8 @@ class Coordinates(NamedTuple):
     stiffness: Vector
     """[m] Force that holds each coordinate."""
     gravity: Matrix
-    """[m, 2] Greatest moment of a weight, and the angle at rest from where it has none."""
+    """[m, 3] Greatest moment of a weight, the angle at rest from where it has none, and the force of a load
+    that hardens over the cube of its coordinate."""
     names: tuple[str, ...]
     """[m] Channels that read the coordinates."""
     friction: float = 0.0
@@ -184,17 +187,17 @@ def tendon_count(drive: Drive, end: End) -> int:
 def coordinates(drive: Drive, end: End, load_stiffness: float) -> Coordinates:
     """Return what the end makes of the tendons' motion; `load_stiffness` is that of a spring [N/m]."""
     n = tendon_count(drive, end)
-    none = np.zeros((1, 2))
+    none = np.zeros((1, 3))
     if end.kind == "joint":
         distal = end.radius_m * np.array([[1.0], [-1.0]][:n])
-        gravity = np.array([[end.gravity_Nm, end.gravity_at_rad]])
+        gravity = np.array([[end.gravity_Nm, end.gravity_at_rad, end.hardening_Nm_per_rad3]])
         stiffness = np.array([end.stiffness_Nm_per_rad])
         return Coordinates(distal, stiffness, gravity, ("joint_angle_rad",), end.friction_Nm)
     if end.kind == "segment":
         angles = np.radians(end.tendon_angles_deg)
         distal = end.radius_m * np.column_stack([np.cos(angles), np.sin(angles)])
         names = ("bending_x_rad", "bending_y_rad")
-        return Coordinates(distal, np.full(2, end.stiffness_Nm_per_rad), np.zeros((2, 2)), names)
+        return Coordinates(distal, np.full(2, end.stiffness_Nm_per_rad), np.zeros((2, 3)), names)
     if end.kind in ("blocked", "carried"):
         return Coordinates(np.zeros((n, 1)), np.ones(1), none, ("",))
     stiffness = 0.0 if end.kind == "weight" else load_stiffness

@@ -74,6 +74,7 @@ UNKNOWNS: Mapping[str, Prior] = {
     "end.stiffness_Nm_per_rad": Prior(0.1, 2.5),
     "end.gravity_Nm": Prior(0.05, 2.0),
     "end.gravity_at_rad": Prior(0.0, 1.0, log=False),
+    "end.hardening_Nm_per_rad3": Prior(0.1, 2.5),
     "end.friction_Nm": Prior(0.005, 2.0),
     "end.play_rad": Prior(0.01, 1.5),
     "route.length_m": Prior(0.5, 0.5),

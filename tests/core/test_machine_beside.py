@@ -61,7 +61,7 @@ def machine_at(x, names, tendons, coordinates, by_force):
         "proximal": np.zeros(tendons * coordinates),
         "distal": (0.008 * (1.0 + 0.1 * x[8]) * around).ravel(),
         "stiffness": np.full(coordinates, 0.2 * math.exp(x[8])),
-        "gravity": np.tile([0.03, 0.2 + x[7]], coordinates),
+        "gravity": np.tile([0.03, 0.2 + x[7], 0.05 * (1.0 + x[6])], coordinates),
         "friction": np.array(0.0 if coordinates > 1 else 0.004 * math.exp(x[5])),
         "at_rest": np.zeros(coordinates),
         "start": np.zeros(coordinates),
@@ -90,7 +90,7 @@ def alone(machine, tendons, by_force):
     done, after, where, ends, _ = core.march_machine(
         len(EDGE), machine["plant"].reshape(rows), machine["memory"].reshape(rows),
         machine["proximal"].reshape(tendons, m), machine["distal"].reshape(tendons, m), machine["stiffness"],
-        machine["gravity"].reshape(m, 2), np.full(m, machine["friction"]), machine["at_rest"],
+        machine["gravity"].reshape(m, 3), np.full(m, machine["friction"]), machine["at_rest"],
         machine["start"], by_force, SPANS, machine["drive"].reshape(-1, tendons),
         machine["end"].reshape(-1, tendons), machine["load"].reshape(-1, m), WARMTH, 0,
     )  # fmt: skip

@@ -38,7 +38,7 @@ class Joint:
     """A joint of angle θ without mass, which tendon 1 turns to θ > 0 and tendon 2 to θ < 0.
 
     In balance radius · (change of T_out,1 − change of T_out,2) is
-    stiffness · θ + gravity · (sin(θ + gravity angle) − sin(gravity angle)) + load.
+    stiffness · θ + hardening · θ³ + gravity · (sin(θ + gravity angle) − sin(gravity angle)) + load.
     """
 
     radius_m: float
@@ -47,6 +47,8 @@ class Joint:
     """Weight times its distance from the axis; below 0 it stands on its head."""
     gravity_angle_rad: float = 0.0
     """Angle from the plumb line at θ = 0."""
+    hardening_Nm_per_rad3: float = 0.0
+    """Torque over the cube of θ, beside the spring's."""
     load: Course | None = None
     """Torque against θ > 0, from rest [N·m]."""
     angle: Course | None = None
@@ -63,7 +65,8 @@ class Joint:
         turned = at + self.gravity_angle_rad
         weight = self.gravity_Nm * (np.sin(turned) - np.sin(self.gravity_angle_rad))
         slope = self.stiffness_Nm_per_rad + np.maximum(self.gravity_Nm * np.cos(turned), 0.0)
-        return self.stiffness_Nm_per_rad * at + weight, slope[:, None]
+        slope = slope + 3.0 * self.hardening_Nm_per_rad3 * at**2
+        return self.stiffness_Nm_per_rad * at + self.hardening_Nm_per_rad3 * at**3 + weight, slope[:, None]
 
 
 @dataclass(frozen=True, slots=True)

@@ -44,14 +44,21 @@ def compared(expected, columns, hardware, *, bars=24, end_given=False):
         assert np.max(off) < close, name
 
 
-@pytest.mark.parametrize("gravity", [0.0, 0.1])
-def test_a_pair_on_a_motor_turns_a_joint_as_the_lumped_chains_do(gravity):
+@pytest.mark.parametrize(("gravity", "hardening"), [(0.0, 0.0), (0.1, 0.0), (0.05, 0.3)])
+def test_a_pair_on_a_motor_turns_a_joint_as_the_lumped_chains_do(gravity, hardening):
     angle, load = 0.9 * np.sin(TIMES / 2) * np.cos(TIMES / 7), 0.03 * np.sin(TIMES / 3)
-    joint = lumped.Joint(R, 0.25, gravity_Nm=gravity, gravity_angle_rad=0.4, load=(TIMES, load))
+    joint = lumped.Joint(R, 0.25, gravity, 0.4, hardening, load=(TIMES, load))
     run = lumped.simulate_machine(
         tendons(2), lumped.Motor("angle", TIMES, angle, R, play_rad=0.02), joint, TIMES
     )
-    end = End(kind="joint", radius_m=R, stiffness_Nm_per_rad=0.25, gravity_Nm=gravity, gravity_at_rad=0.4)
+    end = End(
+        kind="joint",
+        radius_m=R,
+        stiffness_Nm_per_rad=0.25,
+        gravity_Nm=gravity,
+        gravity_at_rad=0.4,
+        hardening_Nm_per_rad3=hardening,
+    )
     hardware = rig(drive=Drive(kind="pair", radius_m=R, play_rad=0.02), end=end)
     expected = {
         "joint_angle_rad": run.joint_angle,
@@ -66,9 +73,9 @@ def test_a_pair_on_a_motor_turns_a_joint_as_the_lumped_chains_do(gravity):
 def test_the_torque_that_holds_a_joint_is_that_of_the_lumped_chains():
     angle, held = 0.9 * np.sin(TIMES / 2), 0.6 * np.sin(TIMES / 2 - 0.2)
     held = held - held[0]
-    joint = lumped.Joint(R, 0.25, angle=(TIMES, held))
+    joint = lumped.Joint(R, 0.25, hardening_Nm_per_rad3=0.3, angle=(TIMES, held))
     run = lumped.simulate_machine(tendons(2), lumped.Motor("angle", TIMES, angle, R), joint, TIMES)
-    end = End(kind="joint", radius_m=R, stiffness_Nm_per_rad=0.25, given="angle")
+    end = End(kind="joint", radius_m=R, stiffness_Nm_per_rad=0.25, hardening_Nm_per_rad3=0.3, given="angle")
     hardware = rig(drive=Drive(kind="pair", radius_m=R), end=end)
     given = {"time_s": TIMES, "motor_angle_rad": angle, "joint_angle_rad": held}
     expected = {"motor_torque_Nm": run.motor_torque, "joint_torque_Nm": run.load_torque}

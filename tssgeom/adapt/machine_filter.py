@@ -298,7 +298,7 @@ def _with_motor(laws: Laws, of: MachineNumbers, torque: Vector) -> Laws:
         proximal=np.concatenate([np.zeros((rows, n, m)), of.arms[:, :, None]], axis=2),
         distal=np.concatenate([laws.distal, column], axis=2),
         stiffness=np.hstack([laws.stiffness, none]),
-        gravity=np.hstack([laws.gravity, none, none]),
+        gravity=np.hstack([laws.gravity, none, none, none]),
         at_rest=np.hstack([laws.at_rest, -(of.arms * of.held_in).sum(axis=1)[:, None]]),
     )
 

@@ -93,9 +93,10 @@ def true_channels(rig: Rig, of: MachineNumbers, moved: Moved) -> dict[str, Vecto
 
 def _held_torque(of: MachineNumbers, ends: np.ndarray, angle: Vector, way: float) -> Vector:
     """Return what acts on a joint whose angle is given: what is left of (173)."""
-    weight, at_rest = of.gravity.T
+    weight, at_rest, cube = of.gravity.T
     pull = ((ends[:, :, 1] - of.held_out) * of.distal).sum(axis=1)
     turned = of.stiffness[:, 0] * angle + weight * (np.sin(angle + at_rest) - np.sin(at_rest))
+    turned = turned + cube * angle**3
     return pull - turned - of.friction[:, 0] * way
 
 

@@ -191,9 +191,8 @@ static void differ(
 static void left_of(const sample *it, const double *marched, const double z[], const double *change, double left[]) {
     int64_t m = it->m, k = it->k;
     for (int64_t a = 0; a < m; a++) {
-        double zero = it->gravity[2 * a + 1];
         left[a] = -it->at_rest[a] - it->load[a] - it->slides - it->stiffness[a] * z[a]
-                  - it->gravity[2 * a] * (sin(z[a] + zero) - sin(zero));
+                  - held_by(it->gravity + 3 * a, z[a]);
         for (int64_t i = 0; i < it->n; i++) {
             const double *now = marched + i * (9 * (k + 1) + 7), *by = change + (2 * i + 1) * (k + 1);
             left[a] += it->distal[i * m + a] * (now[k] + by[k]) - it->proximal[i * m + a] * (now[0] + by[0]);
@@ -206,7 +205,7 @@ static void forces_of(const sample *it, const double z[], const double *lines, d
     int64_t m = it->m, k = it->k;
     for (int64_t a = 0; a < m; a++)
         for (int64_t b = 0; b < m; b++) {
-            double sum = a == b ? -it->stiffness[a] - it->gravity[2 * a] * cos(z[a] + it->gravity[2 * a + 1]) : 0.0;
+            double sum = a == b ? -it->stiffness[a] - held_slope(it->gravity + 3 * a, z[a]) : 0.0;
             for (int64_t i = 0; i < it->n; i++) {
                 const double *tension = lines + (ROWS * i + TURNED + 2 * b + 1) * (k + 1);
                 sum += it->distal[i * m + a] * tension[k] - it->proximal[i * m + a] * tension[0];
@@ -263,7 +262,7 @@ static void step_beside(
 int64_t tss_march_beside(
     int64_t c, int64_t n, int64_t k, const double plant[c][n * (17 * (k + 1) + 430)],
     const double memory[c][n * (9 * (k + 1) + 7)], int64_t m, const double proximal[c][n * m],
-    const double distal[c][n * m], const double stiffness[c][m], const double gravity[c][2 * m],
+    const double distal[c][n * m], const double stiffness[c][m], const double gravity[c][3 * m],
     const double friction[c], const double at_rest[c][m], const double start[c][m], int64_t by_force, int64_t s,
     const double spans[s], const double drive[c][s * n], const double end[c][s * n],
     const double load[c][s * m], const double warmth[s], double after[c][n * (9 * (k + 1) + 7)],

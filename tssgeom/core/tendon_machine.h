@@ -19,6 +19,10 @@ typedef struct {
     double *taken;        /* [n][k+1] speed at which friction that follows late is taken [m/s] */
 } sample;
 
+/* Force against a coordinate z by its weight and its hardening spring, a row of `gravity`; docs/model.md (173). */
+double held_by(const double law[3], double z);
+/* Its derivative. */
+double held_slope(const double law[3], double z);
 /* Solve slope · step = −left [m] by elimination with pivots; a coordinate that nothing holds does not move. */
 void solve_step(int64_t m, double slope[], double left[], double step[]);
 /* Move the coordinates to where all forces balance; returns whether they do; docs/model.md (175). */

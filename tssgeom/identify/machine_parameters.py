@@ -185,6 +185,7 @@ _UNITS = {
     "_per_N": "1/N",
     "_N_per_m": "N/m",
     "_Nm_per_rad": "N·m/rad",
+    "_Nm_per_rad3": "N·m/rad³",
     "_Nm": "N·m",
     "_N": "N",
     "_m": "m",

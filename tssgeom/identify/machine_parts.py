@@ -219,6 +219,7 @@ _CHOICES = (
     _Choice("end_play", "end.play_rad", "Play between the joint and what measures its angle"),
     _Choice("joint_friction", "end.friction_Nm", "Coulomb friction of the joint itself"),
     _Choice("joint_weight", "end.gravity_Nm", "A weight that the joint carries"),
+    _Choice("joint_hardening", "end.hardening_Nm_per_rad3", "The joint's load grows stiffer with its angle"),
     _Choice("end_stiffness", "end.stiffness_Nm_per_rad", "The joint is stiffer or softer than in the rig"),
     _Choice("load_stiffness", "load.stiffness_N_per_m", "The spring of the load is not that of the rig"),
     _Choice(
@@ -306,14 +307,11 @@ def _of_channel(
 def _freed(each: _Choice, rig: Rig, runs: Sequence[MachineRun]) -> Part:
     table, last = each.key.split(".")
     now = float(getattr(getattr(rig, table), last))
-    lower = 0.0
-    if now > 0.0:
-        prior = Prior(now, PARTS.known * now, log=False)
-    else:
-        prior = Prior(0.0, PARTS.wide * behind_gear(each.key, rig.drive.gear).centre, log=False)
+    typical = behind_gear(each.key, rig.drive.gear).centre
+    prior = Prior(now, PARTS.known * now if now > 0.0 else PARTS.wide * typical, log=False)
     of_drive = now == 0.0 and each.key == "drive.play_rad"
     start = (_least_play(runs) if of_drive else 0.0) or now + 0.1 * prior.sd
-    number = Number(last, each.key, unit_of(each.key), prior, start, lower)
+    number = Number(last, each.key, unit_of(each.key), prior, start, 0.0)
     return Part(each.name, RigNumber(key=each.key), (number,), each.meaning)
 
 
@@ -339,6 +337,7 @@ def _applies(key: str, rig: Rig, runs: Sequence[MachineRun], answers: Sequence[s
         "end.play_rad": joint and "joint_angle_rad" in answers,
         "end.friction_Nm": joint and all(run.drive != "motor_torque_Nm" for run in runs),
         "end.gravity_Nm": joint,
+        "end.hardening_Nm_per_rad3": joint,
         "end.stiffness_Nm_per_rad": rig.end.kind in ("joint", "segment") and tensions,
         "load.stiffness_N_per_m": rig.end.kind == "spring",
         "tendon.pretension_N": True,

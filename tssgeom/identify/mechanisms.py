@@ -59,6 +59,7 @@ MECHANISM_OF = {
     "end_play": "play_in_joint",
     "joint_friction": "friction_in_joint",
     "joint_weight": "load_over_position",
+    "joint_hardening": "load_over_position",
     "end_stiffness": "load_over_position",
     "load_stiffness": "load_over_position",
     "channel_gain": "sensor_gain",

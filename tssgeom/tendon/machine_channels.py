@@ -93,8 +93,8 @@ def _of_motor(rig: Rig, motor: Vector, ends: np.ndarray, before: Turning | None)
 
 def _outcome(motion: Coordinates, angles: Matrix, ends: np.ndarray, before: MachineHistory) -> Matrix:
     """Return what acts on coordinates that are given [s, m]: what is left of (173)."""
-    turn = angles + motion.gravity[:, 1]
-    weight = motion.gravity[:, 0] * (np.sin(turn) - np.sin(motion.gravity[:, 1]))
+    most, at_rest, cube = motion.gravity.T
+    weight = most * (np.sin(angles + at_rest) - np.sin(at_rest)) + cube * angles**3
     balance = motion.distal.T @ before.held[:, 1]
     torque = ends[:, :, 1] @ motion.distal - balance - angles * motion.stiffness - weight
     if motion.friction > 0.0:

@@ -1,0 +1,62 @@
+"""What a joint carries: loads that harden with its angle, weights, and springs, each by its own name."""
+
+import numpy as np
+import pytest
+
+from tests import lumped
+from tests.identify.test_machine_discovery import (
+    ANGLE,
+    ARM,
+    LENGTH,
+    MU,
+    NOISE,
+    PRETENSION,
+    RHO,
+    STIFF,
+    finding_of,
+    held,
+)
+
+HARDENING = 0.2  # N·m/rad³: of 0.25 N·m/rad at 0.6 rad a quarter
+
+
+def columns(seed, *, torque, **load):
+    """What a laboratory would read of a pair whose joint has such a load."""
+    time = np.linspace(0.0, 48.0, 481)
+    rate = np.where((time // 12.0) % 2 == 0, 1.0, 3.0)
+    phase = np.cumsum(rate * np.gradient(time)) * 2.0 * np.pi / 12.0
+    motor = 0.9 * np.sin(phase) * (0.7 + 0.3 * np.cos(phase / 5.0))
+    path = lumped.from_pieces([LENGTH], [ANGLE], cells=60)
+    physics = lumped.Physics(pretension_N=PRETENSION, friction=MU, compliance_per_N=RHO)
+    drive = lumped.Motor("angle", time, motor, ARM)
+    run = lumped.simulate_machine([(path, physics)] * 2, drive, lumped.Joint(ARM, STIFF, **load), time, 0.1)
+    assert run.joint_angle is not None
+    assert run.motor_torque is not None
+    rng = np.random.default_rng(seed)
+    read = {"joint_angle_rad": run.joint_angle} | ({"motor_torque_Nm": run.motor_torque} if torque else {})
+    noisy = {name: values + rng.normal(0.0, NOISE[name], len(time)) for name, values in read.items()}
+    return {"time_s": time, "motor_angle_rad": motor, **noisy}
+
+
+@pytest.mark.parametrize("torque", [True, False], ids=["torque", "displacement only"])
+def test_a_load_that_hardens_is_named_and_its_misfit_goes(torque):
+    finding = finding_of(2, columns(11, torque=torque, hardening_Nm_per_rad3=HARDENING))
+    assert finding.verdict == "effect"
+    (effect,) = finding.effects
+    assert effect.names == ("joint_hardening",)
+    number = effect.parameters[0]["hardening_Nm_per_rad3"]
+    assert number.low < HARDENING < number.high
+    assert number.unit == "N·m/rad³"
+    assert finding.rig.end.hardening_Nm_per_rad3 == number.value
+    before, after = held(finding, "joint_angle_rad")
+    assert before > 4.0 * NOISE["joint_angle_rad"]
+    assert after < 1.2 * NOISE["joint_angle_rad"]
+
+
+def test_a_spring_alone_has_no_name():
+    assert finding_of(2, columns(12, torque=True)).verdict == "none"
+
+
+def test_a_weight_is_no_load_that_hardens():
+    finding = finding_of(2, columns(13, torque=True, gravity_Nm=0.05))
+    assert [effect.names for effect in finding.effects] == [("joint_weight",)]
