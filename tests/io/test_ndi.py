@@ -98,6 +98,14 @@ def test_one_block_in_the_header_serves_several_tools_with_different_markers_in_
     assert recording.warnings == ("no time column: the frame numbers are taken as time, one a second",)
 
 
+def test_the_state_of_each_tool_in_a_row_is_its_own_though_its_last_pose_stands_beside_it(tmp_path):
+    text = (CORPUS / "tools_capi.csv").read_text()
+    path = tmp_path / "tools.csv"
+    path.write_text(text.replace("Missing,,,,,,,,,", "Missing,1,0,0,0,20.0,0.5,-100,0.1,"))
+    lost = [np.isnan(frame.points).all(axis=1).tolist() for frame in frames(open_recording(path))]
+    assert lost == [[False] * 5, [k == 1 for k in range(5)], [False] * 5]
+
+
 def test_seconds_and_nanoseconds_make_one_time(tmp_path):
     header = "ToolCount,ToolInfo,Frame#,timespec_s,timespec_ns,TransformStatus,Q0,Qx,Qy,Qz,Tx,Ty,Tz"
     row = "1,a,7,12,250000000,Enabled,1,0,0,0,1,2,3"

@@ -4,6 +4,7 @@ from typing import get_args
 
 import pytest
 
+from tssgeom.io.formats.laboratory.names import split_unit
 from tssgeom.io.formats.laboratory.units import UNITS, scaled_unit, unit_of
 from tssgeom.io.formats.lengths import LengthUnit
 from tssgeom.io.formats.recording import PER_METRE
@@ -84,6 +85,15 @@ def test_a_unit_is_known_by_its_other_spellings(text, symbol):
     unit, known = unit_of(text), UNITS[symbol]
     assert unit is not None
     assert (unit.quantity, unit.factor) == (known.quantity, known.factor)
+
+
+@pytest.mark.parametrize(
+    "header", ["tension [N]", "tension (N)", "tension / N", "tension, N", "tension in N", "tension_N"]
+)
+def test_a_unit_stands_behind_the_name_of_its_column(header):
+    name, unit = split_unit(header)
+    assert unit is not None
+    assert (name, unit.symbol) == ("tension", "N")
 
 
 @pytest.mark.parametrize("text", ["MN", "m s", "parsec", ""])

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from vtkmodules.vtkCommonCore import vtkPoints, vtkStringArray
+from vtkmodules.vtkCommonCore import vtkDoubleArray, vtkPoints, vtkStringArray
 from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData
 from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter
 
@@ -55,6 +55,24 @@ def test_a_poly_line_is_a_shape_in_the_order_of_its_line(tmp_path):
     recording = open_recording(written(tmp_path, ARC, order), "mm")
     assert (recording.name, recording.unit, recording.kind, recording.timed) == ("route", "mm", "vtk", False)
     np.testing.assert_array_equal(points_of(recording), ARC[order] / 1000)
+
+
+@pytest.mark.parametrize(
+    ("array", "source"), [("MaximumInscribedSphereRadius", "centreline"), ("Curvature", None)]
+)
+def test_a_line_with_the_radii_of_the_spheres_inside_a_vessel_is_a_centreline(tmp_path, array, source):
+    data, radii = poly_data(ARC, [*range(7)]), vtkDoubleArray()
+    radii.SetName(array)
+    for _ in ARC:
+        radii.InsertNextValue(0.01)
+    data.GetPointData().AddArray(radii)
+    writer = vtkXMLPolyDataWriter()
+    writer.SetFileName(str(tmp_path / "route.vtp"))
+    writer.SetInputData(data)
+    writer.Write()
+    (frame,) = open_recording(tmp_path / "route.vtp", "mm").frames
+    assert isinstance(frame, Frame)
+    assert frame.source == source
 
 
 def test_the_unit_is_that_of_a_field_array_or_has_to_be_said(tmp_path):

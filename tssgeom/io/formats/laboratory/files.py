@@ -153,7 +153,8 @@ def _of_columns(columns: Mapping[str, Any], units: Mapping[str, str] | None = No
     names = tuple(columns)
     values = tuple(_column(np.asarray(each)) for each in columns.values())
     stated = tuple((units or {}).get(name, "") for name in names)
-    return RawTable(names, values, stated if any(stated) else (), np.arange(1, len(values[0]) + 1))
+    rows = np.arange(1, max(map(len, values), default=0) + 1)
+    return RawTable(names, values, stated if any(stated) else (), rows)
 
 
 def _column(values: np.ndarray) -> Column:
