@@ -8,11 +8,11 @@ from msgspec.structs import replace as changed
 
 from tssgeom.effects import HiddenBend, SheathClearance
 from tssgeom.errors import FitError, SettingsError
-from tssgeom.mechanism import Drive, End, tip
+from tssgeom.mechanism import Drive, End, GivenRoute, tip
 from tssgeom.rig import Friction, Rig, Sensor, Tendon
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.bars.sensors import play
-from tssgeom.tendon.machine import BARS, Start, at_rest, held_tensions, machine_of
+from tssgeom.tendon.machine import BARS, Start, at_rest, held_tensions, machine_of, routed
 from tssgeom.tendon.machine_simulation import simulate_machine as simulate
 from tssgeom.tendon.state import HALVINGS
 
@@ -308,3 +308,16 @@ def test_a_weight_that_its_spring_does_not_hold_turns_over(seed):
     angle, left = hanging(pretension, 0.006, 0.03, at_rest, motor)
     assert len(angle) > 5
     np.testing.assert_allclose(left, 0.0, atol=1e-9)
+
+
+def test_a_stated_length_and_angle_scale_a_sensed_route_whose_bends_stay_where_they_are():
+    stated = routed(BENT, rig(route=GivenRoute(length_m=1.2, angle_rad=3.0)))
+    np.testing.assert_allclose(stated.length, 2.0 * BENT.length)
+    np.testing.assert_allclose(stated.angle, 2.0 * BENT.angle)
+
+
+def test_a_straight_route_bends_evenly_where_the_rig_states_an_angle_and_not_by_its_length():
+    straight = Arcs.exact(np.array([0.2, 0.4]), np.zeros(2))
+    bent = routed(straight, rig(route=GivenRoute(angle_rad=3.0)))
+    np.testing.assert_allclose(bent.angle, [1.0, 2.0])
+    assert routed(straight, rig(route=GivenRoute(length_m=1.2))).total_angle == 0.0
