@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from tests.core.twins.arcs_equations import normal_equations, slide_of_end
+from tests.route.test_unresolved_curvature import chain_of
 from tssgeom import core
 from tssgeom.arrays import read_only
 from tssgeom.route.arcs.chain import (
@@ -15,6 +16,7 @@ from tssgeom.route.arcs.chain import (
     squared_distances,
     unfitted,
 )
+from tssgeom.route.arcs.summary import chain_pieces, identifiable
 from tssgeom.route.geometry import measure
 from tssgeom.route.observations import clean
 from tssgeom.route.synthetic import chain, colon, half_circle, setup_a
@@ -247,3 +249,19 @@ def test_a_covariance_is_propagated_to_what_follows_from_the_parameters():
     result = core.propagated(matrix, gradient, 0.0)
     # the condition of the scaled matrix is some hundreds
     np.testing.assert_allclose(result, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("first", [True, False])
+@pytest.mark.parametrize("seed", range(12))
+def test_no_piece_is_left_whose_bend_the_points_do_not_determine(seed, first):
+    """An arc of 14 points, cut in two between the last two points of either end."""
+    turn, spacing, noise = np.linspace(0.0, 2.0, 14), 0.2 / 13, 1e-3
+    points = 0.1 * np.column_stack([np.sin(turn), 1.0 - np.cos(turn), 0.0 * turn])
+    points += noise * np.random.default_rng(seed).normal(size=points.shape)
+    short = 0.4 * spacing
+    length = np.array([short, 0.2 - short] if first else [0.2 - short, short])
+    data, cut = chain_of(points, noise, length, np.full(2, 10.0))
+    left, pieces = identifiable(data, cut)
+    assert pieces.unidentifiable < 0
+    assert left.joints[0] == 0.0
+    assert len(left.bend) == (2 if chain_pieces(data, cut).unidentifiable < 0 else 1)

@@ -69,9 +69,6 @@ def identifiable(
 
     Raises FitError where nothing is left of a budget, and of the pieces there are such still.
     """
-    pieces = pieces or chain_pieces(data, chain)
-    if pieces.unidentifiable < 0:
-        return chain, pieces
     return at_once(identifiable_in_steps(data, chain, pieces, budget))
 
 
