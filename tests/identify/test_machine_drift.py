@@ -1,5 +1,7 @@
 """Sensors of machines that drift, and which channels speak against a part."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -17,6 +19,7 @@ from tssgeom.identify.machine_discovery import machine_work
 from tssgeom.identify.machine_evidence import contradicted, touched
 from tssgeom.identify.machine_finding import MachineCampaign
 from tssgeom.identify.machine_parameters import unit_of
+from tssgeom.identify.machine_parts import _drift
 from tssgeom.identify.machine_run import machine_run
 from tssgeom.identify.machine_score import as_noise
 from tssgeom.rig import Sensor, with_values
@@ -38,6 +41,15 @@ def test_a_drift_goes_on_or_ends():
     ending = drift(Sensor(drift_per_s=RATE, drift_time_s=ENDS), elapsed)
     np.testing.assert_allclose(ending, drifted(elapsed), rtol=1e-12)
     assert not drift(Sensor(drift_time_s=ENDS), elapsed).any()
+
+
+def test_a_drift_is_expected_by_the_widest_range_and_the_longest_run():
+    def run_of(span, duration):
+        at = np.linspace(0.0, 1.0, 9)
+        return SimpleNamespace(measured={"joint_angle_rad": span * at}, given={"time_s": duration * at})
+
+    runs = [run_of(0.2, 10.0), run_of(1.0, 20.0), run_of(0.5, 30.0)]
+    assert _drift("joint_angle_rad", runs).numbers == _drift("joint_angle_rad", [run_of(1.0, 30.0)]).numbers
 
 
 def test_a_drift_has_the_unit_of_its_channel_by_second_and_a_time_that_stays_above_zero():

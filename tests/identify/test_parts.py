@@ -5,12 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tssgeom.effects import KINDS, with_size
 from tssgeom.errors import SettingsError
 from tssgeom.identify.drive import calmed, turning_points, with_corners
 from tssgeom.identify.fit import base_fit
+from tssgeom.identify.law_fit import LawFit
 from tssgeom.identify.prediction import stacked
 from tssgeom.identify.readings import reading_noise, readings
 from tssgeom.identify.screening import screening, threshold, variants
+from tssgeom.identify.verdict import judged_laws
 
 
 @pytest.fixture(scope="module")
@@ -57,6 +60,24 @@ def test_the_threshold_is_that_of_its_seed_and_no_lower_than_ten(fitted):
     reported = [threshold(problem, errors, view, seed) for seed in (1, 1, 2)]
     assert reported[0] == reported[1]
     assert min(reported) >= 10.0
+
+
+def test_a_lag_is_tried_of_each_channel_that_answers_and_not_of_the_drive(fitted):
+    (reading, *_) = fitted[0].stack.readings
+    lags = [each.effect.channel for each in variants(stacked([reading]))[0] if each.name == "channel_lag"]
+    assert sorted(lags) == sorted({*reading.measured} - {reading.drive})
+
+
+@pytest.mark.parametrize(("noise", "verdict"), [(1.0, "effect"), (3.0, "partial")])
+def test_formulae_that_leave_more_than_the_noise_are_a_part_of_what_is_missing(fitted, noise, verdict):
+    problem, _, fit = fitted
+    at = replace(fit.at, effects=(with_size(KINDS["backlash"]),))
+    rest = (fit.residual, fit.jacobian, np.eye(at.size))
+    judged = judged_laws(
+        problem, replace(fit, left=1e3 * fit.left), LawFit(at, (), 0.0, 0.0, noise * fit.left, *rest), None
+    )
+    assert judged.verdict == verdict
+    assert bool(judged.reason) == (noise > 1.0)
 
 
 def test_where_no_run_is_held_out_the_one_alone_on_its_route_is(campaign):

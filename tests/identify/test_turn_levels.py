@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tssgeom.identify.drive_noise import sampled_drives
 from tssgeom.identify.turning import legs
 
 CYCLES = 4
@@ -78,3 +79,12 @@ def test_the_level_of_a_drive_by_stairs_is_that_of_its_stair():
         away = np.abs(drive.values - stairs).reshape(10, 50)[:, 5:-5]  # from the steps
         assert away.max() < 1.5  # a shape that met the stair below: 8
         assert drive.turn_values.max() == pytest.approx(48.0, abs=1.5)
+
+
+@pytest.mark.parametrize(("wave", "sharp"), [(triangle, True), (trapezoid, False)])
+def test_readings_beside_sharp_turns_may_lie_on_either_side_of_them_and_none_beside_holds(wave, sharp):
+    time = np.arange(CYCLES * 60) / 60.0
+    beside = sampled_drives(0.1 + wave(time % 1.0), 1e-3, time).beside_turns
+    turns = np.arange(30, len(time), 30)
+    expected = np.isin(np.arange(len(time)), turns[:, None] + [-1, 0, 1]) if sharp else 0.0
+    np.testing.assert_array_equal(beside, expected)
