@@ -237,6 +237,9 @@ class _Along:
             scale = np.diag(normal)
             pull = np.asarray(-(self.slope.T @ best.residual + best.u[self.others]), dtype=np.float64)
             step = np.linalg.solve(normal + damping * np.diag(scale), pull)
+            promised = float(pull @ step)
+            if promised < SOLVER.step**2:  # so short a step would mend derivatives by rounding
+                break
             moved = best.u.copy()
             moved[self.others] += step
             there = self._at(moved)
@@ -245,7 +248,7 @@ class _Along:
                 mended = np.outer(off, scale * step) / float(step @ (scale * step))
                 self.slope = np.asarray(self.slope + mended, dtype=np.float64)
             if there is None or there.chi2 >= best.chi2:
-                if float(pull @ step) < SOLVER.converged:
+                if promised < SOLVER.converged:
                     break
                 damping = max(10.0 * damping, 0.1)
                 continue
