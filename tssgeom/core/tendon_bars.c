@@ -82,9 +82,8 @@ static int64_t advance(
         if (!(ends[7] * (1.0 - rounding) <= drive && drive <= ends[8] * (1.0 + rounding))) return RUNS_AWAY;
     }
     set_rest(laws, &old, growth, position, memory.rest, given);
-    for (int64_t i = 0; i < k; i++) memory.displacement[i] = memory.speed[i] = memory.travel[i] = 0.0;
-    for (int e = 0; e < CREEPS; e++) /* displacements are those of this step alone */
-        for (int64_t j = 0; j <= k; j++) memory.creep[e][j] = 0.0;
+    for (int64_t i = 0; i < k; i++) /* displacements are those of this step alone */
+        memory.displacement[i] = memory.speed[i] = memory.travel[i] = 0.0;
     int rigid_in = !by_force && laws->soft[0] == 0.0;
     if (rigid_in) { /* docs/model.md (45) */
         target += given[0];
@@ -106,7 +105,6 @@ static int64_t advance(
         memory.displacement[0] = drive; /* to the last digit: held there, the tendon shall not seem to move */
     memcpy(memory.speed, old.speed, (size_t)k * sizeof(double));
     memcpy(memory.travel, old.travel, (size_t)k * sizeof(double));
-    for (int e = 0; e < CREEPS; e++) memcpy(memory.creep[e], old.creep[e], (size_t)(k + 1) * sizeof(double));
     return STEPPED;
 }
 
