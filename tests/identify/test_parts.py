@@ -13,6 +13,7 @@ from tssgeom.identify.law_fit import LawFit
 from tssgeom.identify.prediction import stacked
 from tssgeom.identify.readings import reading_noise, readings
 from tssgeom.identify.screening import screening, threshold, variants
+from tssgeom.identify.ties import MENU
 from tssgeom.identify.verdict import judged_laws
 
 
@@ -161,3 +162,10 @@ def test_a_hold_at_a_turn_is_level():
     held = calmed(drive, 1e-6)[52:108]
     assert np.ptp(held) == 0.0
     assert held[0] == pytest.approx(1e-3, abs=5e-7)  # four standard errors of the mean of 60
+
+
+@pytest.mark.parametrize("plan", MENU, ids=lambda each: each.words)
+def test_each_run_that_may_be_measured_next_has_a_later_time_for_each_sample(fitted, plan):
+    run = plan.changed(fitted[0].stack.readings[0])
+    assert len(run.time) == len(run.given[run.drive])
+    assert np.all(np.diff(run.time) > 0.0)
