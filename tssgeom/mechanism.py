@@ -206,7 +206,9 @@ def coordinates(drive: Drive, end: End, load_stiffness: float) -> Coordinates:
 
 def per_motor_angle(drive: Drive, count: int) -> Vector:
     """Return how far each of the drives moves for each radian of the motor [n] [m]."""
-    return drive.arm * np.array([1.0, -drive.coupling])[:count] if count <= 2 else np.zeros(count)
+    if drive.kind == "tendons":  # each has a drive of its own
+        return np.zeros(count)
+    return drive.arm * np.array([1.0, -drive.coupling])[:count]
 
 
 def tip(bending: Matrix, end: End) -> Matrix:

@@ -160,6 +160,25 @@ def test_no_command_of_a_segment_exceeds_a_limit_of_its_drives():
             assert -2e-3 - 1e-9 <= moved.min() < moved.max() <= 3e-3 + 1e-9
         if one == "speed_m_per_s":
             assert np.abs(np.diff(moved, axis=0)).max() <= 0.004 * (TIME[1] - TIME[0]) + 1e-9
+        assert np.abs(moved.sum(axis=1)).max() < 1e-12  # what the drives have in common stays
+
+
+def test_a_limit_of_travel_is_followed_along_not_stopped_at():
+    hardware = segment(limits=DriveLimits(displacement_m=(-1.0, 1e-3)))
+    target = {"bending_x_rad": np.array([0.0, 0.5, 0.5]), "bending_y_rad": np.array([0.0, 0.0, 0.3])}
+    commands = command_machine(machine_of(hardware, [HALF_CIRCLE]), np.arange(3.0), target)
+    assert commands.limited == ("", "displacement_m", "displacement_m")
+    assert commands.inputs[:, 0].max() == pytest.approx(1e-3, abs=1e-9)
+    assert commands.outputs[2, 1] > commands.outputs[1, 1] + 0.05
+
+
+def test_tendons_with_drives_of_their_own_have_no_motor():
+    hardware = segment((0.0, 180.0), radius_m=0.01)
+    commands = command_machine(
+        machine_of(hardware, [HALF_CIRCLE]), TIME, {"bending_x_rad": 0.1 * TIME / 10.0}
+    )
+    assert commands.follows.inputs == ("displacement_in_1_m", "displacement_in_2_m")
+    assert commands.reached.all()
 
 
 def test_frames_bring_what_the_run_brings_and_keep_what_drives_have_in_common():
@@ -236,8 +255,8 @@ def test_the_probability_in_a_plane_is_that_of_draws():
 
 
 def test_drives_that_wait_stand_while_the_target_trembles_inside_the_tolerance():
-    tremble = 0.3 + 0.005 * (-1.0) ** np.arange(20)
-    target = np.concatenate((np.linspace(0.0, 0.3, 5), tremble, [0.1]))
+    tremble = 0.9 + 0.005 * (-1.0) ** np.arange(20)
+    target = np.concatenate((np.linspace(0.0, 0.9, 5), tremble, [0.1]))
     run = {"time_s": 0.1 * np.arange(len(target)), "bending_x_rad": target, "bending_y_rad": 0.0 * target}
     moved = {
         policy: compensate(HALF_CIRCLE, run, segment(), tolerance=1e-3, policy=policy).channels
@@ -245,6 +264,9 @@ def test_drives_that_wait_stand_while_the_target_trembles_inside_the_tolerance()
     }
     drive = "displacement_in_1_m"
     assert np.ptp(moved["wait"][drive][8:25]) < 1e-12
+    far = tip(np.column_stack([target, 0.0 * target]), segment().end)
+    got = tip(np.column_stack([moved["wait"][each] for each in SPIRAL]), segment().end)
+    assert np.linalg.norm(got - far, axis=1).max() < 1e-3 + 1e-6
     assert np.ptp(moved["cross"][drive][8:25]) > 3e-4
     assert moved["wait"]["bending_x_rad"][-1] == pytest.approx(0.1, abs=1e-6)
 

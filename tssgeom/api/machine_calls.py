@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from tssgeom.arrays import Vector
+from tssgeom.arrays import Matrix, Vector
 from tssgeom.errors import SettingsError, TssgeomError
 from tssgeom.identify.machine_calibration import calibrate_machine
 from tssgeom.identify.machine_estimates import MachineCalibration
@@ -23,7 +23,7 @@ from tssgeom.tendon.command_error import MOST_OUTSIDE
 from tssgeom.tendon.commander import Policy
 from tssgeom.tendon.machine import Machine, machine_of, route_of_rig, routed
 from tssgeom.tendon.machine_channels import as_read, without_zero
-from tssgeom.tendon.machine_command import command_machine
+from tssgeom.tendon.machine_command import MayWait, command_machine
 from tssgeom.tendon.machine_commander import machine_commander_of, output_errors
 from tssgeom.tendon.machine_error import outside_plane
 from tssgeom.tendon.machine_simulation import drive_of, simulated
@@ -111,10 +111,10 @@ def commanded_machine(
     load = without_zero(columns, "joint_torque_Nm", rig)
     moves = np.array([lever(rig, each) for each in wanted])
 
-    def near_enough(miss: Vector, _: Vector) -> bool:
-        return float(np.linalg.norm(moves[0] @ miss)) <= (tolerance or 0.0)
+    def near_enough(of_end: Matrix) -> MayWait:
+        return lambda miss, _: float(np.linalg.norm(of_end @ miss)) <= (tolerance or 0.0)
 
-    wait = near_enough if commander.waits else None
+    wait = [near_enough(each) for each in moves] if commander.waits else ()
     commands = command_machine(machine, run.time, targets, load, wait)
     channels = dict[str, Vector]()
     for name, values in zip(follows.inputs, commands.inputs.T, strict=True):

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from tssgeom.arrays import Matrix, Vector
-from tssgeom.core.constants import ROUNDING
 from tssgeom.core.constants_tendon import SOLVER
 from tssgeom.core.constants_tendon_rows import HELD
 from tssgeom.errors import SettingsError
@@ -18,9 +17,9 @@ from tssgeom.rig import Rig
 from tssgeom.tendon.bars.plant import Memory
 from tssgeom.tendon.bars.sensors import behind_play
 from tssgeom.tendon.command import DEAD_ZONE
-from tssgeom.tendon.drive_limits import within
 from tssgeom.tendon.machine import Machine, MachineState, MachineTrace, begin, held_tensions
 from tssgeom.tendon.machine_history import MachineHistory, Turning
+from tssgeom.tendon.machine_limits import within_limits
 from tssgeom.tendon.machine_search import COMMAND, Sample
 from tssgeom.tendon.machine_target import Following, following, outputs_of
 
@@ -70,7 +69,7 @@ def command_machine(
     time: Vector,
     targets: Mapping[str, Vector],
     load: Vector | None = None,
-    may_wait: MayWait | None = None,
+    may_wait: Sequence[MayWait] = (),
 ) -> MachineCommands:
     """Return what brings the end of a machine where it is wanted; docs/model.md (184), (341).
 
@@ -86,7 +85,7 @@ def command_machine(
     load
         [s] Torque against a joint [N·m]; none where left out.
     may_wait
-        Says whether drives inside the dead zone may be held there; it is crossed at once where left out.
+        [s] Say whether drives inside the dead zone may be held there; it is crossed at once where left out.
 
     Raises
     ------
@@ -106,7 +105,8 @@ def command_machine(
     for k in range(len(time)):
         span = float(spans[k])
         now = next_command(
-            *(machine, at, follows, span, float(resisting[k]), wanted[k], span if k else 0.0, may_wait)
+            *(machine, at, follows, span, float(resisting[k]), wanted[k], span if k else 0.0),
+            may_wait=may_wait[k] if may_wait else None,
         )
         motor = None if now.engaged is None else Turning(float(now.inputs[0]), 0.0, now.engaged)
         joint = Turning(float(now.state.coordinate[0]), 0.0, float(now.outputs[0]))
@@ -176,7 +176,7 @@ def next_command(
     inputs, limited = drives.inputs(freedom), ""
     outputs = outputs_of(follows, state)
     if machine.rig.drive.limits != NO_LIMITS:
-        inputs, limited = _within_limits(at, drives, inputs, elapsed)
+        inputs, limited = drives.within_limits(at, inputs, freedom, elapsed)
     if limited:
         outputs, trace, state = at.going_to(drives.moved(inputs))
     return NextCommand(inputs, drives.engaged(inputs), end.read(outputs), reached, trace, state, limited)
@@ -200,11 +200,6 @@ class _Drives:
         self.near = np.array([stood[0] / arm if before is None else before.engaged])
         self.was = self.near if before is None else np.array([before.value])
 
-    @property
-    def arm(self) -> float:
-        """How far a drive moves with 1 of its input [m]."""
-        return float(self._follows.modes[0, 0]) if self._follows.by_motor else 1.0
-
     def inputs(self, freedom: Vector) -> Vector:
         """Return the inputs [c] that have freedoms [k]."""
         if not self._follows.by_motor:
@@ -223,6 +218,27 @@ class _Drives:
         """Return where the drives are with inputs [c]: [n] [m]."""
         engaged = self.engaged(inputs)
         return inputs if engaged is None else self._follows.modes[:, 0] * engaged
+
+    def within_limits(
+        self, at: Sample, inputs: Vector, freedom: Vector, elapsed: float
+    ) -> tuple[Vector, str]:
+        """Return the inputs [c] that keep to the limits of the drives, and the names of what cuts them."""
+        rows, of_motor = self._follows.modes, self._follows.by_motor
+
+        def inputs_of(free: Vector) -> Vector:
+            return free if of_motor else self.base + rows @ free
+
+        def pull(free: Vector) -> float:
+            trace = at.at(self.moved(inputs_of(free)))[1]
+            return math.inf if trace is None else float(trace.ends[0, :, 0].max())
+
+        limits = at.machine.rig.drive.limits
+        if of_motor:  # its angle itself is limited, by the first drive
+            wanted, was, rows, base = inputs, self.was, rows[:1], self.base[:1]
+        else:
+            wanted, was, base = freedom, self.near, self.base
+        kept, cut = within_limits(limits, wanted, was, rows, base, elapsed, pull)
+        return (inputs_of(kept) if cut else inputs), cut
 
     def crosses_play(self, freedom: Vector) -> bool:
         """Whether the motor has some of its play to cross on its way to a freedom."""
@@ -262,40 +278,4 @@ def _is_dead(at: Sample, drives: _Drives, freedom: Vector) -> bool:
     way, near = freedom - drives.near, drives.near
     step = min(COMMAND.first / float(np.linalg.norm(way)), 1.0) * way
     by = at.at(at.drives(near + step))[0] - at.at(at.drives(near))[0]
-    return not np.linalg.norm(by) > DEAD_ZONE * np.linalg.norm(at.follows.free @ step)
-
-
-def _within_limits(at: Sample, drives: _Drives, inputs: Vector, elapsed: float) -> tuple[Vector, str]:
-    """Return the inputs that keep to the limits, and the names of those that cut them."""
-    cut, wanted, arm = list[str](), inputs, drives.arm
-    limits = at.machine.rig.drive.limits
-    if limits.tension_N is not None:
-        wanted = _bearable(at, drives, inputs, limits.tension_N)
-        cut += ["tension_N"] * (wanted is not inputs)
-    positions = wanted * arm
-    for k, (position, was) in enumerate(zip(positions.tolist(), (drives.was * arm).tolist(), strict=True)):
-        now = position
-        if limits.displacement_m is not None:
-            now = within(now, *limits.displacement_m, "displacement_m", cut)
-        if limits.speed_m_per_s is not None:
-            reach = limits.speed_m_per_s * elapsed
-            now = within(now, was - reach, was + reach, "speed_m_per_s", cut)
-        if now != position:
-            wanted = np.where(np.arange(len(wanted)) == k, now / arm, wanted)
-    return wanted, ", ".join(dict.fromkeys(cut))
-
-
-def _bearable(at: Sample, drives: _Drives, inputs: Vector, most: float) -> Vector:
-    """Return the inputs next to wanted ones with which no drive pulls more than [N]."""
-
-    def pull(those: Vector) -> float:
-        trace = at.at(drives.moved(those))[1]
-        return math.inf if trace is None else float(trace.ends[0, :, 0].max())
-
-    if pull(inputs) <= most * (1.0 + ROUNDING.relative):
-        return inputs
-    good, bad = drives.was, inputs
-    while np.abs(bad - good).max() > SOLVER.accepted:
-        middle = 0.5 * (good + bad)
-        good, bad = (middle, bad) if pull(middle) <= most else (good, middle)
-    return good
+    return not np.linalg.norm(by) > max(DEAD_ZONE * np.linalg.norm(at.follows.free @ step), SOLVER.accepted)
