@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import sys
 import tempfile
 import threading
 from collections import deque
@@ -250,6 +251,7 @@ def _processes(workers: int, show: Report) -> Iterator[WorkerPool]:
     They are killed, since all results are there or none is wanted, and one that was stopped would not end.
     """
     context = multiprocessing.get_context("spawn")
+    _start_tracker()
     watched, held = context.Pipe(duplex=False)
     frames, sizes = context.RawArray("q", _LIMITS.slots), context.RawArray("d", _LIMITS.slots)
     next_slot = context.Value("i", 0)
@@ -268,6 +270,20 @@ def _processes(workers: int, show: Report) -> Iterator[WorkerPool]:
             pool.executor.shutdown(cancel_futures=True)
             held.close()
             watched.close()
+
+
+def _start_tracker() -> None:
+    """Start what removes the locks of a process that a signal ended, without a line about them on stderr."""
+    if os.name != "posix":
+        return
+    from multiprocessing import resource_tracker
+
+    quiet = "ignore:resource_tracker:UserWarning"
+    sys.warnoptions.append(quiet)
+    try:
+        resource_tracker.ensure_running()
+    finally:
+        sys.warnoptions.remove(quiet)
 
 
 def _begin(watched: Connection, frames: Any, sizes: Any, next_slot: Any, temporary: str) -> None:

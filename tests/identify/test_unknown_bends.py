@@ -10,11 +10,12 @@ pytest.importorskip("tests.lumped")
 from tests import lumped
 from tssgeom.errors import SettingsError
 from tssgeom.identify.machine_calibration import calibrate_machine
-from tssgeom.identify.machine_parameters import BENDS, with_unknown_bends
+from tssgeom.identify.machine_parameters import with_unknown_bends
 from tssgeom.identify.machine_run import machine_run
 from tssgeom.mechanism import Drive, End, GivenRoute
 from tssgeom.rig import Friction, Rig, Tendon, read_rig, write_rig
 from tssgeom.route.pieces import Arcs
+from tssgeom.sensed_route import STATED
 from tssgeom.tendon.machine import route_of_rig, routed
 from tssgeom.uncertain import Uncertain, assumed
 
@@ -83,8 +84,8 @@ def test_bends_at_the_base_are_no_play_and_no_softness():
 def test_bends_are_unknown_only_where_neither_rig_nor_shape_says_them():
     one = machine_run("run", run_on(*AT_THE_BASE), [route_of_rig(RIG)], RIG)
     rig, uncertain = with_unknown_bends([one], RIG, ())
-    assert rig.route.bends == (1.0,) * BENDS.parts
-    assert [each.key for each in uncertain] == [f"route.bends[{k}]" for k in range(BENDS.parts)]
+    assert rig.route.bends == (1.0,) * STATED.parts
+    assert [each.key for each in uncertain] == [f"route.bends[{k}]" for k in range(STATED.parts)]
     stated = replace(RIG, route=replace(RIG.route, bends=(1.0,)))
     assert with_unknown_bends([one], stated, ()) == (stated, ())
     sensed = Arcs.exact(np.array([0.2, 0.3]), np.array([2.0, 1.0]))

@@ -252,6 +252,16 @@ def test_an_interruption_leaves_whole_files_and_no_drafts(write_csv, tmp_path):
             assert papq.read_table(tmp_path / "out" / name).num_rows == 1
 
 
+def test_locks_of_a_process_that_was_ended_are_removed_in_silence():
+    """The watcher of signals ends a process without leaving its `with` blocks."""
+    code = (
+        "import multiprocessing, os; from pipelines.batch.workers import _start_tracker; _start_tracker(); "
+        "lock = multiprocessing.get_context('spawn').Lock(); os._exit(1)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (1, "")
+
+
 def test_the_summary_has_the_clearance_where_there_is_a_lumen(run, half, write_csv, tmp_path):
     trimesh.creation.box((400.0, 400.0, 40.0)).export(tmp_path / "half_lumen.ply")
     other = write_csv("other.csv", half_circle())
