@@ -163,6 +163,19 @@ def test_no_command_of_a_segment_exceeds_a_limit_of_its_drives():
         assert np.abs(moved.sum(axis=1)).max() < 1e-12  # what the drives have in common stays
 
 
+def test_drives_that_pull_more_than_their_limit_still_go_where_they_pull_less():
+    hardware = segment(limits=DriveLimits(tension_N=14.0))
+    engine = Engine(hardware, tension_in=6.0)
+    pulled = {f"displacement_in_{k}_m": each for k, each in ((1, 16e-3), (2, -8e-3), (3, -8e-3))}
+    first = engine.push(Frame(POINTS, 0.0, of_machine=pulled)).machine
+    assert max(first.channels[f"tension_in_{k}_N"] for k in (1, 2, 3)) > 14.0
+    bent = 0.95 * first.channels["bending_x_rad"]
+    asked = pulled | {"bending_x_target_rad": bent}
+    command = engine.push(Frame(POINTS, 1.0, of_machine=asked)).machine.command
+    assert command.limited == "tension_N"
+    assert command.outputs["bending_x_rad"] == pytest.approx(bent, abs=1e-6)
+
+
 def test_a_limit_of_travel_is_followed_along_not_stopped_at():
     hardware = segment(limits=DriveLimits(displacement_m=(-1.0, 1e-3)))
     target = {"bending_x_rad": np.array([0.0, 0.5, 0.5]), "bending_y_rad": np.array([0.0, 0.0, 0.3])}

@@ -71,7 +71,12 @@ def _inside(positions: Vector, low: Vector | float, high: Vector | float) -> boo
 
 
 def _bearable(wanted: Vector, was: Vector, most: float, pull: Pull) -> Vector:
-    """Return the freedoms on the way to wanted ones with which no drive pulls more than [N]."""
+    """Return the freedoms on the way to wanted ones with which no drive pulls more than [N].
+
+    Drives that pull more already go where they pull less.
+    """
+    if (before := pull(was)) > most:
+        return wanted if pull(wanted) < before else was
     good, bad = was, wanted
     while np.abs(bad - good).max() > SOLVER.accepted:
         middle = 0.5 * (good + bad)
