@@ -116,7 +116,7 @@ def test_the_proposed_run_of_three_forces_separates_what_the_campaign_leaves_ali
 
 def test_drives_go_together_and_no_farther_than_they_were_together():
     points = np.array([[2.0, -1.0], [-1.0, 3.0]])
-    reach = Reach(np.zeros(2), points, 1.0, 60.0, 0.02, 300)
+    reach = Reach(np.zeros(2), points, speed=1.0, duration=60.0, interval=0.02, samples=300)
     there = Waveform((1.0, 0.5), (1.0, 0.5), (0.0, 0.1), 2, ways=(0.0, 0.99))
     course = course_of(there, reach)
     assert course is not None

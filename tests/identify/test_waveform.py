@@ -6,7 +6,12 @@ import pytest
 from tssgeom.identify.waveform import Range, Waveform, course_of, random_waveform, varied_waveform
 from tssgeom.plausibility.limits import LIMITS
 
-WITHIN = Range(rest=0.0, low=-5e-4, high=4e-3, speed=3e-3, duration=60.0, interval=0.02, samples=300)
+
+def within(low, high, speed, duration=60.0):
+    return Range(0.0, low, high, speed=speed, duration=duration, interval=0.02, samples=300)
+
+
+WITHIN = within(-5e-4, 4e-3, 3e-3)
 
 
 def test_random_and_varied_drives_keep_every_limit():
@@ -44,9 +49,7 @@ def test_too_long_a_run_loses_its_dwells_before_its_slow_legs():
 
 def test_cycles_that_do_not_fit_are_left_out():
     many = Waveform((1.0, 0.0), (1.0, 1.0), (0.0, 0.0), 4)
-    four, fewer = (
-        course_of(many, Range(0.0, -5e-4, 4e-3, 3e-3, duration, 0.02, 300)) for duration in (60.0, 5.0)
-    )
+    four, fewer = (course_of(many, within(-5e-4, 4e-3, 3e-3, duration)) for duration in (60.0, 5.0))
     assert four is not None
     assert fewer is not None
     assert len(fewer.corner) < len(four.corner)
@@ -55,8 +58,8 @@ def test_cycles_that_do_not_fit_are_left_out():
 @pytest.mark.parametrize(
     "within",
     [
-        Range(0.0, 0.0, 0.0, 3e-3, 60.0, 0.02, 300),  # no range
-        Range(0.0, -5e-4, 4e-3, 1e-5, 60.0, 0.02, 300),  # too slow for a leg
+        within(0.0, 0.0, 3e-3),  # no range
+        within(-5e-4, 4e-3, 1e-5),  # too slow for a leg
     ],
 )
 def test_where_nothing_fits_there_is_no_drive(within):

@@ -24,8 +24,7 @@ from tssgeom.tendon.commander import Policy
 from tssgeom.tendon.machine import Machine, machine_of, route_of_rig, routed
 from tssgeom.tendon.machine_channels import as_read, without_zero
 from tssgeom.tendon.machine_command import MayWait, command_machine
-from tssgeom.tendon.machine_commander import machine_commander_of, output_errors
-from tssgeom.tendon.machine_error import outside_plane
+from tssgeom.tendon.machine_commander import machine_commander_of, output_errors, risk_of
 from tssgeom.tendon.machine_simulation import drive_of, simulated
 from tssgeom.tendon.machine_target import Following, following, lever, name_of
 from tssgeom.uncertain import Uncertain
@@ -109,12 +108,11 @@ def commanded_machine(
     targets = {name: columns[name] for name in follows.outputs if name in columns}
     wanted = np.column_stack([targets.get(name, 0.0 * run.time) for name in follows.outputs])
     load = without_zero(columns, "joint_torque_Nm", rig)
-    moves = np.array([lever(rig, each) for each in wanted])
 
     def near_enough(of_end: Matrix) -> MayWait:
         return lambda miss, _: float(np.linalg.norm(of_end @ miss)) <= (tolerance or 0.0)
 
-    wait = [near_enough(each) for each in moves] if commander.waits else ()
+    wait = [near_enough(lever(rig, each)) for each in wanted] if commander.waits else ()
     commands = command_machine(machine, run.time, targets, load, wait)
     channels = dict[str, Vector]()
     for name, values in zip(follows.inputs, commands.inputs.T, strict=True):
@@ -139,9 +137,8 @@ def commanded_machine(
         errors = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
         channels |= {name_of(name, "se"): errors[:, k] for k, name in enumerate(follows.outputs)}
         if tolerance is not None:
-            miss = np.einsum("sij,sj->si", moves, commands.outputs - wanted)
-            of_end = moves @ covariance @ np.swapaxes(moves, 1, 2)
-            risk = np.array([outside_plane(*each, tolerance) for each in zip(miss, of_end, strict=True)])
+            each = zip(wanted, commands.outputs, covariance, strict=True)
+            risk = np.array([risk_of(rig, *one, tolerance) for one in each])
             channels["out_of_tolerance"] = risk
             where = _WHERE.get(rig.end.kind, "")
             beyond = f"targets may be missed by more than {1e3 * tolerance:g} mm{where}"

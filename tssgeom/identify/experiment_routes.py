@@ -68,7 +68,7 @@ class SlowStroke:
     def ranges(self) -> Iterator[Range]:
         """Yield how far the drive may go; nothing where a limit leaves it no room."""
         limits, drive = self.limits, self.template.drive
-        common = (limits.duration_s, limits.interval_s, limits.samples)
+        long = {"duration": limits.duration_s, "interval": limits.interval_s, "samples": limits.samples}
         rest = self.rig.tendon.pretension_N
         high = self._highest()
         span = _SPAN * self.template.noise[drive]
@@ -76,9 +76,9 @@ class SlowStroke:
             if high > rest + span:
                 give = self._travel(high) / (high - rest)
                 speed = 1e-3 * limits.speed_mm_per_s / give
-                yield Range(rest, min(limits.least_tension_N, rest), high, speed, *common)
+                yield Range(rest, min(limits.least_tension_N, rest), high, speed=speed, **long)
         elif high > span:
-            yield Range(0.0, self._lowest(high), high, 1e-3 * limits.speed_mm_per_s, *common)
+            yield Range(0.0, self._lowest(high), high, speed=1e-3 * limits.speed_mm_per_s, **long)
 
     def _highest(self) -> float:
         """Return the drive at which a slow pull meets the limit of tension or of travel [m or N]."""

@@ -102,13 +102,13 @@ class Drives:
     def _range(self, reached: Sequence[Mapping[str, float]]) -> Range | Reach:
         """Return how far and how fast the drives may go."""
         limits = self.limits
-        common = (limits.duration_s, limits.interval_s, limits.samples)
+        long = {"duration": limits.duration_s, "interval": limits.interval_s, "samples": limits.samples}
         if self.by_force or len(self.channels) > 1:
             start, points = self._points(reached)
-            return Reach(start, points, self._rate(reached), *common)
+            return Reach(start, points, speed=self._rate(reached), **long)
         both = 2.0 * min(each["least_mm"] for each in reached) < -max(each["travel_mm"] for each in reached)
         high, speed = (1e-3 * each / self.metres for each in (limits.travel_mm, limits.speed_mm_per_s))
-        return Range(0.0, -high if both else 0.0, high, speed, *common)
+        return Range(0.0, -high if both else 0.0, high, speed=speed, **long)
 
     def _points(self, reached: Sequence[Mapping[str, float]]) -> tuple[Vector, Matrix]:
         """Return where the drives begin, and [points, drives] where they were when one turned.

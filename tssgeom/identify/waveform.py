@@ -131,22 +131,28 @@ def varied_waveform(waveform: Waveform, rng: np.random.Generator) -> Waveform:
     return replace(waveform, levels=tuple(levels), speeds=tuple(speeds), dwells=tuple(dwells))
 
 
-@dataclass(frozen=True, slots=True)
-class Range:
-    """What the one drive of a run may do on one route."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pace:
+    """How fast the drives of a run may go, and how long."""
 
-    rest: float
-    """Where it begins [m] or [N]."""
-    low: float
-    high: float
     speed: float
-    """Greatest, in the unit of the drive over s."""
+    """Greatest of any drive, in its unit over s."""
     duration: float
     """Longest run [s]."""
     interval: float
     """Least time between two samples [s]."""
     samples: int
     """Most samples."""
+
+
+@dataclass(frozen=True, slots=True)
+class Range(Pace):
+    """What the one drive of a run may do on one route."""
+
+    rest: float
+    """Where it begins [m] or [N]."""
+    low: float
+    high: float
 
     @property
     def span(self) -> float:
@@ -164,21 +170,13 @@ class Range:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Reach:
+class Reach(Pace):
     """What several drives may do together, or one by force: a level is a share of the way to a point."""
 
     start: Vector
     """[drives] Where they begin [m], [N] or [N·m]."""
     points: Matrix
     """[points, drives] Where they may go together."""
-    speed: float
-    """Greatest of any drive, in its unit over s."""
-    duration: float
-    """Longest run [s]."""
-    interval: float
-    """Least time between two samples [s]."""
-    samples: int
-    """Most samples."""
 
     @property
     def span(self) -> float:

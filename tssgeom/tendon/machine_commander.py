@@ -174,9 +174,17 @@ class MachineCommander:
         risk = None
         if self.tolerance is not None:
             wanted = np.array([targets.get(each, 0.0) for each in command.outputs])
-            moves, reached = lever(rig, wanted), np.array([*command.outputs.values()])
-            risk = outside_plane(moves @ (reached - wanted), moves @ covariance @ moves.T, self.tolerance)
+            risk = risk_of(rig, wanted, np.array([*command.outputs.values()]), covariance, self.tolerance)
         return command._replace(errors=errors, out_of_tolerance=risk)
+
+
+def risk_of(rig: Rig, wanted: Vector, reached: Vector, covariance: Matrix, tolerance: float) -> float:
+    """Return the probability that an end misses its target by more than a tolerance [m]; docs/model.md (343).
+
+    `wanted` and `reached` are outputs [d], `covariance` [d, d] is that of the second.
+    """
+    moves = lever(rig, wanted)
+    return outside_plane(moves @ (reached - wanted), moves @ covariance @ moves.T, tolerance)
 
 
 def _covariance(follows: Following, variants: Sequence[MachineVariant]) -> Matrix:
