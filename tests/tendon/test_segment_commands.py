@@ -170,7 +170,7 @@ def test_drives_that_pull_more_than_their_limit_still_go_where_they_pull_less():
     first = engine.push(Frame(POINTS, 0.0, of_machine=pulled)).machine
     assert max(first.channels[f"tension_in_{k}_N"] for k in (1, 2, 3)) > 14.0
     bent = 0.95 * first.channels["bending_x_rad"]
-    asked = pulled | {"bending_x_target_rad": bent}
+    asked = pulled | {"bending_x_target_rad": bent, "bending_y_target_rad": 0.0}
     command = engine.push(Frame(POINTS, 1.0, of_machine=asked)).machine.command
     assert command.limited == "tension_N"
     assert command.outputs["bending_x_rad"] == pytest.approx(bent, abs=1e-6)
@@ -210,7 +210,7 @@ def test_frames_bring_what_the_run_brings_and_keep_what_drives_have_in_common():
     lifted = Engine(segment(), tension_in=6.0)
     given = {f"displacement_in_{k}_m": 1e-3 for k in (1, 2, 3)}
     lifted.push(Frame(POINTS, 0.0, of_machine=given))
-    asked = given | {"bending_x_target_rad": 0.2}
+    asked = given | {"bending_x_target_rad": 0.2, "bending_y_target_rad": 0.0}
     numbers = lifted.push(Frame(POINTS, 1.0, of_machine=asked)).machine.numbers
     moved = [numbers[f"displacement_in_{k}_command_m"] for k in (1, 2, 3)]
     assert np.mean(moved) == pytest.approx(1e-3, rel=1e-9)
@@ -227,6 +227,8 @@ def test_a_target_of_another_end_is_refused_by_name():
         assert "bending_x_target_rad" in reason
     with pytest.raises(SettingsError, match="no target: give bending_x_rad or bending_y_rad"):
         compensate(HALF_CIRCLE, {"time_s": TIME, "joint_angle_rad": 0.1 * TIME}, segment())
+    with pytest.raises(SettingsError, match="bending_y_rad has no target"):
+        compensate(HALF_CIRCLE, {"time_s": TIME, "bending_x_rad": TIME, "bending_x_mm": TIME}, segment())
     with pytest.raises(SettingsError, match="this one is blocked"):
         commander_of(blocked(radius_m=0.01), tolerance=1e-3)
 

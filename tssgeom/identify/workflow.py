@@ -8,7 +8,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
 from tssgeom.errors import FitError
 from tssgeom.identify.assembly import (
@@ -132,7 +131,6 @@ def _wants_laws(work: Work) -> bool:
     return _may_be_wrong(work)
 
 
-@lru_cache(maxsize=1)  # asked before laws are tried, and again where they helped
 def _may_be_wrong(work: Work) -> bool:
     """Whether a law without a formula promises more than the names, or a number of them is at its bound."""
     names = work.chosen.fit.at

@@ -92,6 +92,11 @@ def _following(drive: Drive, end: End, wanted: frozenset[str]) -> Following:
         raise SettingsError(f"no target: give {' or '.join(outputs)}")
     inputs = _inputs(drive, end)
     distal = coordinates(drive, end, 0.0).distal
+    absent = [each for each in outputs if each not in wanted]
+    if end.kind == "segment" and absent and len(_rows_of(distal).T) == len(outputs):
+        raise SettingsError(
+            f"{absent[0]} has no target: the tendons bend it too, so give a target, such as 0"
+        )
     if end.kind == "blocked":
         tendons = tuple(k for k, each in enumerate(outputs) if each in wanted)
         outputs = tuple(outputs[k] for k in tendons)
@@ -119,7 +124,7 @@ def _rows_of(distal: Matrix) -> Matrix:
 
 
 def wanted_of(follows: Following, targets: Mapping[str, float]) -> Vector:
-    """Return where the outputs are wanted [d]; a bending without a target is 0."""
+    """Return where the outputs are wanted [d]; one that the tendons cannot bend may be left out, and is 0."""
     return np.array([targets.get(each, 0.0) for each in follows.outputs])
 
 
