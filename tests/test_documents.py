@@ -58,7 +58,7 @@ def test_the_first_python_of_the_readme_prints_plots_and_saves(capsys, tmp_path,
 
 
 def test_the_effects_of_the_formats_are_a_rig():
-    columns, _, errors, markers, scan, example, laws, adapt = blocks("docs/formats.md", "toml")
+    columns, _, errors, markers, scan, example, laws, joint, adapt = blocks("docs/formats.md", "toml")
     assert msgspec.toml.decode(columns, type=Rig).columns["Pos"] == "displacement_in_m:mm"
     _, uncertain = parted(msgspec.toml.decode(errors))
     assert [each.correlation for each in uncertain] == [
@@ -69,6 +69,7 @@ def test_the_effects_of_the_formats_are_a_rig():
     assert msgspec.toml.decode(scan, type=Rig).shape.source == "centreline"
     assert len(msgspec.toml.decode(example, type=Rig).effects) == 2
     assert len(msgspec.toml.decode(laws, type=Rig).effects) == 4
+    assert len(msgspec.toml.decode(joint, type=Rig).effects) == 1
     followed = followed_numbers(msgspec.toml.decode(adapt, type=Rig), ["tension_in_N"])
     assert [one.hourly_change for one in followed] == [0.05, 0.2, 0.0]
 

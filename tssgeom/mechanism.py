@@ -12,8 +12,12 @@ from typing import Literal, NamedTuple
 import msgspec
 import numpy as np
 
+from tssgeom import core
 from tssgeom.arrays import Matrix, Vector
+from tssgeom.core.constants_tendon_rows import TABLE
 from tssgeom.errors import SettingsError, require
+
+HOLDS = 3 + TABLE.size  # derived: three numbers and a table hold a coordinate beside its stiffness
 
 
 class DriveLimits(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -159,9 +163,10 @@ class Coordinates(NamedTuple):
     """[n, m] Movement of each load towards its drive for 1 of each coordinate [m]."""
     stiffness: Vector
     """[m] Force that holds each coordinate."""
-    gravity: Matrix
-    """[m, 3] Greatest moment of a weight, the angle at rest from where it has none, and the force of a load
-    that hardens over the cube of its coordinate."""
+    holds: Matrix
+    """[m, 40] What holds each beside its stiffness: the greatest moment of a weight, the angle at rest from
+    where it has none, the force of a load that hardens over the cube of its coordinate, and a table of the
+    core with the force of a law."""
     names: tuple[str, ...]
     """[m] Channels that read the coordinates."""
     friction: float = 0.0
@@ -184,24 +189,37 @@ def tendon_count(drive: Drive, end: End) -> int:
     return count
 
 
-def coordinates(drive: Drive, end: End, load_stiffness: float) -> Coordinates:
-    """Return what the end makes of the tendons' motion; `load_stiffness` is that of a spring [N/m]."""
+def coordinates(drive: Drive, end: End, load_stiffness: float, law: Vector | None = None) -> Coordinates:
+    """Return what the end makes of the tendons' motion.
+
+    `load_stiffness` is that of a spring [N/m], `law` a table of the core: torque over the angle of a joint.
+    """
     n = tendon_count(drive, end)
-    none = np.zeros((1, 3))
+    none = np.zeros((1, HOLDS))
     if end.kind == "joint":
         distal = end.radius_m * np.array([[1.0], [-1.0]][:n])
-        gravity = np.array([[end.gravity_Nm, end.gravity_at_rad, end.hardening_Nm_per_rad3]])
+        weight = (end.gravity_Nm, end.gravity_at_rad, end.hardening_Nm_per_rad3)
+        holds = np.concatenate([weight, np.zeros(TABLE.size) if law is None else law])[None, :]
         stiffness = np.array([end.stiffness_Nm_per_rad])
-        return Coordinates(distal, stiffness, gravity, ("joint_angle_rad",), end.friction_Nm)
+        return Coordinates(distal, stiffness, holds, ("joint_angle_rad",), end.friction_Nm)
     if end.kind == "segment":
         angles = np.radians(end.tendon_angles_deg)
         distal = end.radius_m * np.column_stack([np.cos(angles), np.sin(angles)])
         names = ("bending_x_rad", "bending_y_rad")
-        return Coordinates(distal, np.full(2, end.stiffness_Nm_per_rad), np.zeros((2, 3)), names)
+        return Coordinates(distal, np.full(2, end.stiffness_Nm_per_rad), np.zeros((2, HOLDS)), names)
     if end.kind in ("blocked", "carried"):
         return Coordinates(np.zeros((n, 1)), np.ones(1), none, ("",))
     stiffness = 0.0 if end.kind == "weight" else load_stiffness
     return Coordinates(np.ones((1, 1)), np.array([stiffness]), none, ("displacement_out_m",))
+
+
+def held_by(holds: Matrix, at: Matrix) -> Matrix:
+    """Return the forces [s, m] that hold coordinates where they are [s, m], by `Coordinates.holds`; (173)."""
+    most, at_rest, cube, points = holds[:, :4].T
+    force = most * (np.sin(at + at_rest) - np.sin(at_rest)) + cube * at**3
+    for a in np.flatnonzero(points):
+        force[:, a] += core.tabulated(holds[a, 3:], np.ascontiguousarray(at[:, a]))
+    return force
 
 
 def per_motor_angle(drive: Drive, count: int) -> Vector:

@@ -12,7 +12,7 @@ import msgspec
 import tomli_w
 
 from tssgeom.atomic import write_text
-from tssgeom.effects import AnyEffect, wrong_effect
+from tssgeom.effects import AnyEffect, LoadLaw, wrong_effect
 from tssgeom.errors import SettingsError, printable, require, require_at_least_zero, require_file
 from tssgeom.mechanism import Drive, End, GivenRoute
 from tssgeom.toml_keys import with_choices, with_short_keys, without_none
@@ -222,6 +222,10 @@ class Rig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
     columns: dict[str, str] = {}
     """What columns of measured files are, `channel[:unit]` by name."""
 
+    def __post_init__(self) -> None:
+        if self.end.kind != "joint" and any(isinstance(each, LoadLaw) for each in self.effects):
+            raise SettingsError('effects: load_law acts on a joint, with end.kind = "joint"')
+
     @property
     def is_machine(self) -> bool:
         """Whether it has more than one tendon, or an end other than a spring."""
@@ -300,10 +304,7 @@ def read_uncertain_rig(path: str | Path) -> tuple[Rig, tuple[Uncertain, ...]]:
 
 
 def with_values(rig: Rig, values: Mapping[str, float]) -> Rig:
-    """Return a rig with some of its numbers changed, by key.
-
-    Raises SettingsError where a value is out of bounds.
-    """
+    """Return a rig with some of its numbers changed, by key; SettingsError where one is out of bounds."""
     tables = msgspec.to_builtins(rig)
     tables["route"]["bends"] = [*rig.route.bends]  # a list can be changed
     for key, value in values.items():

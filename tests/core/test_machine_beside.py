@@ -55,13 +55,15 @@ def machine_at(x, names, tendons, coordinates, by_force):
     around = np.column_stack([np.cos(angles), np.sin(angles)])[:, :coordinates]
     motion = np.sin(time[:, None] + 0.7) * around[:, 0] * (1.0 + x[7])
     drive = 6.0 + 4.0 * motion if by_force else 4e-3 * motion
+    torque = 0.01 * (1.0 + x[5]) * np.array([-2.0, -0.3, 0.0, 0.1, 3.0])
+    law = core.table_of(np.array([-0.5, -0.2, 0.0, 0.2, 0.5]), torque)
     return {
         "plant": np.concatenate(plants),
         "memory": np.concatenate(memories),
         "proximal": np.zeros(tendons * coordinates),
         "distal": (0.008 * (1.0 + 0.1 * x[8]) * around).ravel(),
         "stiffness": np.full(coordinates, 0.2 * math.exp(x[8])),
-        "gravity": np.tile([0.03, 0.2 + x[7], 0.05 * (1.0 + x[6])], coordinates),
+        "holds": np.tile(np.concatenate([[0.03, 0.2 + x[7], 0.05 * (1.0 + x[6])], law]), coordinates),
         "friction": np.array(0.0 if coordinates > 1 else 0.004 * math.exp(x[5])),
         "at_rest": np.zeros(coordinates),
         "start": np.zeros(coordinates),
@@ -90,7 +92,7 @@ def alone(machine, tendons, by_force):
     done, after, where, ends, _ = core.march_machine(
         len(EDGE), machine["plant"].reshape(rows), machine["memory"].reshape(rows),
         machine["proximal"].reshape(tendons, m), machine["distal"].reshape(tendons, m), machine["stiffness"],
-        machine["gravity"].reshape(m, 3), np.full(m, machine["friction"]), machine["at_rest"],
+        machine["holds"].reshape(m, 40), np.full(m, machine["friction"]), machine["at_rest"],
         machine["start"], by_force, SPANS, machine["drive"].reshape(-1, tendons),
         machine["end"].reshape(-1, tendons), machine["load"].reshape(-1, m), WARMTH, 0,
     )  # fmt: skip

@@ -1,6 +1,7 @@
 """Laws that are curves: beside the formulae of the library, and beside scipy."""
 
 import math
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -8,19 +9,25 @@ from scipy.interpolate import PchipInterpolator
 
 from tssgeom import Arcs, core, read_rig
 from tssgeom.effects import (
+    KINDS,
+    LAWS,
     Creep,
     CreepLaw,
     CurvatureDependentFriction,
     FrictionDrift,
     FrictionLaw,
     LoadDependentFriction,
+    LoadLaw,
     SensorLaw,
     SlackTakeUp,
     StretchLaw,
     ToeRegion,
     VelocityDependentFriction,
 )
+from tssgeom.effects.kinds import Hook
 from tssgeom.errors import FitError, SettingsError
+from tssgeom.mechanism import Drive, End
+from tssgeom.plausibility.frames import unused_parts
 from tssgeom.rig import Friction, Load, Rig, Tendon, write_rig
 from tssgeom.tendon.bars.model import predict
 from tssgeom.tendon.bars.sensors import CHANNELS
@@ -218,3 +225,14 @@ def test_friction_that_follows_from_the_steps_before_needs_no_second_pass(law):
     several = predict(RUN, ROUTE, RIG, (law, bent))
     for name in ("tension_in_N", "tension_out_N"):
         np.testing.assert_allclose(one[name], several[name], rtol=0.0, atol=1e-9)
+
+
+def test_laws_act_on_a_machine_but_those_of_sensors():
+    joint = End(kind="joint", radius_m=0.01)
+    load = LoadLaw(x=(0.0, 1.0), torque=(0.0, 0.1))
+    those = (friction("tension", [0.0, 5.0], [1.0, 0.9]), stretch("sheath", [0.0, 5.0], [0.0, 1e-3]), load)
+    sensor = SensorLaw(channel="tension_out_N", over="time", x=(0.0, 60.0), error=(0.0, 0.1))
+    of = {"drive": Drive(kind="pair", radius_m=0.01), "end": joint}
+    assert not list(unused_parts(Rig(effects=those, **of), fitted=False))
+    assert any("sensor_law" in each for each in unused_parts(Rig(effects=(sensor,), **of), fitted=False))
+    assert {kind.hook for kind in (KINDS | LAWS).values()} <= set(get_args(Hook))

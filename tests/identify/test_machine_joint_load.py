@@ -16,6 +16,7 @@ from tests.identify.test_machine_discovery import (
     finding_of,
     held,
 )
+from tssgeom.effects import LoadLaw
 
 HARDENING = 0.2  # N·m/rad³: of 0.25 N·m/rad at 0.6 rad a quarter
 
@@ -51,6 +52,28 @@ def test_a_load_that_hardens_is_named_and_its_misfit_goes(torque):
     before, after = held(finding, "joint_angle_rad")
     assert before > 4.0 * NOISE["joint_angle_rad"]
     assert after < 1.2 * NOISE["joint_angle_rad"]
+
+
+def square(at):
+    return 0.15 * at * np.abs(at), 0.3 * np.abs(at)
+
+
+def test_a_load_without_a_formula_is_learnt_with_its_band():
+    finding = finding_of(2, columns(14, torque=True, spring=square))
+    assert finding.verdict == "law"
+    (effect,) = finding.effects
+    assert effect.names == ("load_over_position",)
+    law = effect.law
+    assert (law.over, law.unit) == ("joint_angle_rad", "N·m")
+    whole = finding.rig.end.stiffness_Nm_per_rad * law.x
+    true = STIFF * law.x + square(law.x)[0]
+    np.testing.assert_allclose(whole + law.value, true, atol=2e-3)  # of 0.22 N·m
+    assert np.mean((whole + law.low <= true) & (true <= whole + law.high)) > 0.8
+    before, after = held(finding, "joint_angle_rad")
+    assert after < min(1.5 * NOISE["joint_angle_rad"], 0.1 * before)
+    (kept,) = finding.rig.effects
+    assert isinstance(kept, LoadLaw)
+    assert kept.torque[5] == kept.x[5] == 0.0  # at rest
 
 
 def test_a_spring_alone_has_no_name():

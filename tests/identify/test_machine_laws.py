@@ -35,7 +35,8 @@ def laws():
 
 def test_laws_are_over_what_the_runs_reach(laws):
     over = ("tension", "speed", "arc_length", "travel", "time", "position")
-    assert set(laws) == {"strain_over_tension", *(f"friction_over_{each}" for each in over)}
+    beside = {"strain_over_tension", "load_over_position"}
+    assert set(laws) == beside | {f"friction_over_{each}" for each in over}
     time, speed = (laws[f"friction_over_{each}"].mechanism.x for each in ("time", "speed"))
     assert time[[0, -1]] == pytest.approx([0.0, 48.0])
     assert 0.5 < speed[-1] / (ARM * 0.9 * 2.0 * np.pi * 3.0 / 12.0) < 1.1
@@ -50,8 +51,11 @@ def test_no_law_does_what_the_base_model_has_a_number_for(laws):
         for each in law.as_rough():
             assert each.size >= 1
             curve = each.waves[: each.mechanism.size - each.mechanism.more]
-            of_base = law.mechanism.x[1:] if law.mechanism.pinned else np.ones(len(curve))
-            np.testing.assert_allclose(of_base @ curve, 0.0, atol=1e-9 * np.abs(of_base).sum())
+            straight, level = law.mechanism.x[-len(curve) :], np.ones(len(curve))
+            for of_base in [level] * (not law.mechanism.pinned) + [straight] * (
+                law.mechanism.pinned or law.mechanism.has_slope
+            ):
+                np.testing.assert_allclose(of_base @ curve, 0.0, atol=1e-9 * np.abs(of_base).sum())
 
 
 def test_other_knots_leave_a_law_as_it_is(laws):

@@ -1,5 +1,6 @@
 """What several tendons are driven by and what they move: a motor's pulley, a joint, a bending segment."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -38,7 +39,8 @@ class Joint:
     """A joint of angle θ without mass, which tendon 1 turns to θ > 0 and tendon 2 to θ < 0.
 
     In balance radius · (change of T_out,1 − change of T_out,2) is
-    stiffness · θ + hardening · θ³ + gravity · (sin(θ + gravity angle) − sin(gravity angle)) + load.
+    stiffness · θ + hardening · θ³ + spring(θ)
+    + gravity · (sin(θ + gravity angle) − sin(gravity angle)) + load.
     """
 
     radius_m: float
@@ -49,6 +51,8 @@ class Joint:
     """Angle from the plumb line at θ = 0."""
     hardening_Nm_per_rad3: float = 0.0
     """Torque over the cube of θ, beside the spring's."""
+    spring: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]] | None = None
+    """Torque of another spring at θ, none at 0, and its slope >= 0."""
     load: Course | None = None
     """Torque against θ > 0, from rest [N·m]."""
     angle: Course | None = None
@@ -66,7 +70,11 @@ class Joint:
         weight = self.gravity_Nm * (np.sin(turned) - np.sin(self.gravity_angle_rad))
         slope = self.stiffness_Nm_per_rad + np.maximum(self.gravity_Nm * np.cos(turned), 0.0)
         slope = slope + 3.0 * self.hardening_Nm_per_rad3 * at**2
-        return self.stiffness_Nm_per_rad * at + self.hardening_Nm_per_rad3 * at**3 + weight, slope[:, None]
+        torque = self.stiffness_Nm_per_rad * at + self.hardening_Nm_per_rad3 * at**3 + weight
+        if self.spring is not None:
+            more, steeper = self.spring(at)
+            torque, slope = torque + more, slope + steeper
+        return torque, slope[:, None]
 
 
 @dataclass(frozen=True, slots=True)

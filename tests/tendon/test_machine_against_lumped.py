@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from tests import lumped
-from tssgeom.effects import FrictionLaw
+from tssgeom.effects import FrictionLaw, LoadLaw
+from tssgeom.errors import SettingsError
 from tssgeom.mechanism import Drive, End
 from tssgeom.rig import Friction, Rig, Tendon
 from tssgeom.route.pieces import Arcs
@@ -68,6 +69,35 @@ def test_a_pair_on_a_motor_turns_a_joint_as_the_lumped_chains_do(gravity, harden
     }
     given = {"time_s": TIMES, "motor_angle_rad": angle, "joint_torque_Nm": load}
     compared(expected, given, hardware)
+
+
+STOP = LoadLaw(x=(-1.4, -0.32, -0.3, 0.3, 0.32, 1.4), torque=(-0.22, -0.004, 0.0, 0.0, 0.004, 0.22))
+"""A torque of 0.2 N·m/rad beyond 0.3 rad, nearly."""
+
+
+def stop(at):
+    beyond = np.sign(at) * np.maximum(np.abs(at) - 0.3, 0.0)
+    return 0.2 * beyond, 0.2 * (beyond != 0.0)
+
+
+@pytest.mark.parametrize("given", ["torque", "angle"])
+def test_a_law_of_the_torque_of_a_joint_is_that_of_the_lumped_chains(given):
+    angle, held = 0.9 * np.sin(TIMES / 2), 0.6 * np.sin(TIMES / 2)
+    of_joint = {"spring": stop} | ({"angle": (TIMES, held)} if given == "angle" else {})
+    joint = lumped.Joint(R, 0.25, **of_joint)
+    run = lumped.simulate_machine(tendons(2), lumped.Motor("angle", TIMES, angle, R), joint, TIMES)
+    end = End(kind="joint", radius_m=R, stiffness_Nm_per_rad=0.25, given=given)
+    hardware = rig(drive=Drive(kind="pair", radius_m=R), end=end, effects=(STOP,))
+    expected = {"joint_angle_rad": run.joint_angle, "tension_out_2_N": run.tendons[1].tension_out}
+    columns = {"time_s": TIMES, "motor_angle_rad": angle}
+    if given == "angle":
+        expected, columns = {"joint_torque_Nm": run.load_torque}, columns | {"joint_angle_rad": held}
+    compared(expected, columns, hardware, end_given=given == "angle")
+
+
+def test_a_law_of_a_joint_is_refused_of_another_end():
+    with pytest.raises(SettingsError, match="load_law acts on a joint"):
+        rig(effects=(STOP,))
 
 
 def test_the_torque_that_holds_a_joint_is_that_of_the_lumped_chains():

@@ -22,7 +22,7 @@ from tssgeom.adapt.readings import Moment
 from tssgeom.adapt.stepped import Stepped
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.errors import SettingsError
-from tssgeom.mechanism import tendon_count
+from tssgeom.mechanism import HOLDS, tendon_count
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.machine import Machine, begin, held_tensions, shift_rests
@@ -47,8 +47,8 @@ class Laws:
     """[machines, n, m]"""
     stiffness: Matrix
     """[machines, m]"""
-    gravity: Matrix
-    """[machines, 2·m]"""
+    holds: Matrix
+    """[machines, 40·m]"""
     friction: Vector
     """[machines]"""
     at_rest: Matrix
@@ -173,7 +173,7 @@ class MachineFilter(Ensemble):
             laws.proximal.reshape(count, -1),
             laws.distal.reshape(count, -1),
             laws.stiffness,
-            laws.gravity,
+            laws.holds,
             laws.friction,
             laws.at_rest,
             start.coordinate[rows],
@@ -259,7 +259,7 @@ def laws_of(rig: Rig, of: MachineNumbers, name: DriveName, drive: Matrix, true: 
         proximal=np.zeros((rows, n, m)),
         distal=distal,
         stiffness=of.stiffness,
-        gravity=of.gravity,
+        holds=of.holds,
         friction=of.friction[:, 0],
         at_rest=(distal * of.held_out[:, :, None]).sum(axis=1),
     )
@@ -277,7 +277,7 @@ def _with_angle(laws: Laws, angle: Vector) -> Laws:
         end=angle[:, None] * laws.distal[:, :, 0],
         distal=np.zeros_like(laws.distal),
         stiffness=np.ones_like(laws.stiffness),
-        gravity=np.zeros_like(laws.gravity),
+        holds=np.zeros_like(laws.holds),
         friction=np.zeros_like(laws.friction),
         at_rest=np.zeros_like(laws.at_rest),
     )
@@ -298,7 +298,7 @@ def _with_motor(laws: Laws, of: MachineNumbers, torque: Vector) -> Laws:
         proximal=np.concatenate([np.zeros((rows, n, m)), of.arms[:, :, None]], axis=2),
         distal=np.concatenate([laws.distal, column], axis=2),
         stiffness=np.hstack([laws.stiffness, none]),
-        gravity=np.hstack([laws.gravity, none, none, none]),
+        holds=np.hstack([laws.holds, np.zeros((rows, HOLDS))]),
         at_rest=np.hstack([laws.at_rest, -(of.arms * of.held_in).sum(axis=1)[:, None]]),
     )
 

@@ -26,8 +26,8 @@ class MachineNumbers(NamedTuple):
     """[n·m] Movement of each load for 1 of each coordinate [m]."""
     stiffness: Matrix
     """[m]"""
-    gravity: Matrix
-    """[2·m]"""
+    holds: Matrix
+    """[40·m]"""
     friction: Matrix
     """[1] Of the only coordinate."""
     held_in: Matrix
@@ -54,7 +54,7 @@ def _numbers(machine: Machine, channels: Sequence[str]) -> MachineNumbers:
     return MachineNumbers(
         motion.distal.ravel(),
         motion.stiffness,
-        motion.gravity.ravel(),
+        motion.holds.ravel(),
         np.array([motion.friction]),
         held[:, 0],
         held[:, -1],

@@ -12,7 +12,7 @@ import numpy as np
 from tssgeom.adapt.machine_lines import MachineNumbers
 from tssgeom.adapt.readings import behind_play, lagged
 from tssgeom.arrays import Matrix, Vector
-from tssgeom.mechanism import numbered, tip
+from tssgeom.mechanism import held_by, numbered, tip
 from tssgeom.rig import Rig
 from tssgeom.tendon.machine_stream import channels_of
 
@@ -93,10 +93,8 @@ def true_channels(rig: Rig, of: MachineNumbers, moved: Moved) -> dict[str, Vecto
 
 def _held_torque(of: MachineNumbers, ends: np.ndarray, angle: Vector, way: float) -> Vector:
     """Return what acts on a joint whose angle is given: what is left of (173)."""
-    weight, at_rest, cube = of.gravity.T
     pull = ((ends[:, :, 1] - of.held_out) * of.distal).sum(axis=1)
-    turned = of.stiffness[:, 0] * angle + weight * (np.sin(angle + at_rest) - np.sin(at_rest))
-    turned = turned + cube * angle**3
+    turned = of.stiffness[:, 0] * angle + held_by(of.holds, angle[None, :])[0]
     return pull - turned - of.friction[:, 0] * way
 
 

@@ -172,8 +172,8 @@ ENTRY void tss_lagged(
 /** Take n tendons on one mechanism of m ≤ 4 coordinates through the samples of a run; docs/model.md (171)-(175).
 
 `proximal`, `distal` [n, m] are how far the drive and the load of each tendon move with each coordinate, for 1
-of it [m]; `stiffness` [m], `gravity` [m, 3] (greatest force, angle where the coordinate is 0, force
-over its cube), `friction` [m] (of one coordinate alone) and `at_rest` [m] are the forces that hold the coordinates;
+of it [m]; `stiffness` [m], `holds` [m, 40] (greatest force, angle where the coordinate is 0, force
+over its cube, and a table of force over it), `friction` [m] (of one coordinate alone) and `at_rest` [m] are the forces that hold the coordinates;
 `start` [m] is where they are. `drive` [s, n] is where each drive is besides [m], or `by_force` its tension [N],
 `end` [s, n] where each load is besides [m], `load` [s, m] what acts against each coordinate. A memory's row `rest` is added to that of its plant. Returns the number of samples
 done, the memories after them, the coordinates, T_in, T_out [N], x_in, x_out [m] of each tendon, and, where
@@ -181,7 +181,7 @@ done, the memories after them, the coordinates, T_in, T_out [N], x_in, x_out [m]
 ENTRY int64_t tss_march_machine(
     int64_t n, int64_t k, const double plant[n][17 * (k + 1) + 430], const double memory[n][9 * (k + 1) + 7],
     int64_t m, const double proximal[n][m], const double distal[n][m], const double stiffness[m],
-    const double gravity[m][3], const double friction[m], const double at_rest[m], const double start[m],
+    const double holds[m][40], const double friction[m], const double at_rest[m], const double start[m],
     int64_t by_force, int64_t s,
     const double spans[s], const double drive[s][n], const double end[s][n], const double load[s][m],
     const double warmth[s], int64_t rows, OUT double after[n][9 * (k + 1) + 7], OUT double coordinate[s][m],
@@ -196,7 +196,7 @@ of each tendon. */
 ENTRY int64_t tss_march_beside(
     int64_t c, int64_t n, int64_t k, const double plant[c][n * (17 * (k + 1) + 430)],
     const double memory[c][n * (9 * (k + 1) + 7)], int64_t m, const double proximal[c][n * m],
-    const double distal[c][n * m], const double stiffness[c][m], const double gravity[c][3 * m],
+    const double distal[c][n * m], const double stiffness[c][m], const double holds[c][40 * m],
     const double friction[c], const double at_rest[c][m], const double start[c][m], int64_t by_force, int64_t s,
     const double spans[s], const double drive[c][s * n], const double end[c][s * n],
     const double load[c][s * m], const double warmth[s], OUT double after[c][n * (9 * (k + 1) + 7)],
@@ -232,7 +232,7 @@ ENTRY int64_t tss_step_machines(
     int64_t w, int64_t c, int64_t n, int64_t k, int64_t d, const double plant[n][17 * (k + 1) + 430],
     const double slope[d][n * (17 * (k + 1) + 430)], const double shift[c][d],
     const double memory[w][n * (9 * (k + 1) + 7)], const int64_t row[c], int64_t m, const double proximal[c][n * m],
-    const double distal[c][n * m], const double stiffness[c][m], const double gravity[c][3 * m],
+    const double distal[c][n * m], const double stiffness[c][m], const double holds[c][40 * m],
     const double friction[c], const double at_rest[c][m], const double start[c][m], int64_t by_force,
     const double drive[c][n], const double end[c][n], const double load[c][m], double span, double warmth,
     OUT double after[c][n * (9 * (k + 1) + 7)], OUT double coordinate[c][m], OUT double ends[c][4 * n],

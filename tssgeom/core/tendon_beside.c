@@ -192,7 +192,7 @@ static void left_of(const sample *it, const double *marched, const double z[], c
     int64_t m = it->m, k = it->k;
     for (int64_t a = 0; a < m; a++) {
         left[a] = -it->at_rest[a] - it->load[a] - it->slides - it->stiffness[a] * z[a]
-                  - held_by(it->gravity + 3 * a, z[a]);
+                  - held_by(it->holds + HOLDS * a, z[a]);
         for (int64_t i = 0; i < it->n; i++) {
             const double *now = marched + i * (9 * (k + 1) + 7), *by = change + (2 * i + 1) * (k + 1);
             left[a] += it->distal[i * m + a] * (now[k] + by[k]) - it->proximal[i * m + a] * (now[0] + by[0]);
@@ -205,7 +205,7 @@ static void forces_of(const sample *it, const double z[], const double *lines, d
     int64_t m = it->m, k = it->k;
     for (int64_t a = 0; a < m; a++)
         for (int64_t b = 0; b < m; b++) {
-            double sum = a == b ? -it->stiffness[a] - held_slope(it->gravity + 3 * a, z[a]) : 0.0;
+            double sum = a == b ? -it->stiffness[a] - held_slope(it->holds + HOLDS * a, z[a]) : 0.0;
             for (int64_t i = 0; i < it->n; i++) {
                 const double *tension = lines + (ROWS * i + TURNED + 2 * b + 1) * (k + 1);
                 sum += it->distal[i * m + a] * tension[k] - it->proximal[i * m + a] * tension[0];
@@ -262,7 +262,7 @@ static void step_beside(
 int64_t tss_march_beside(
     int64_t c, int64_t n, int64_t k, const double plant[c][n * (17 * (k + 1) + 430)],
     const double memory[c][n * (9 * (k + 1) + 7)], int64_t m, const double proximal[c][n * m],
-    const double distal[c][n * m], const double stiffness[c][m], const double gravity[c][3 * m],
+    const double distal[c][n * m], const double stiffness[c][m], const double holds[c][40 * m],
     const double friction[c], const double at_rest[c][m], const double start[c][m], int64_t by_force, int64_t s,
     const double spans[s], const double drive[c][s * n], const double end[c][s * n],
     const double load[c][s * m], const double warmth[s], double after[c][n * (9 * (k + 1) + 7)],
@@ -288,7 +288,7 @@ int64_t tss_march_beside(
         }
         if (!isfinite(sum)) return g;
         sample it = {
-            n, k, m, plant[0], proximal[0], distal[0], stiffness[0], gravity[0], at_rest[0], drive[0] + g * n,
+            n, k, m, plant[0], proximal[0], distal[0], stiffness[0], holds[0], at_rest[0], drive[0] + g * n,
             end[0] + g * n, load[0] + g * m, (int)by_force, m == 1 ? friction[0] : 0.0, 0.0,
             most(BAR.least_time, spans[g]), warmth[g], after[0], *trial, work[20], work[0], work[24]};
         if (!solve_balance(&it, z)) return g;
@@ -299,7 +299,7 @@ int64_t tss_march_beside(
         left_of(&it, *trial, z, *change, left);
         for (int64_t j = 1; j < c; j++) {
             sample beside = {
-                n, k, m, plant[j], proximal[j], distal[j], stiffness[j], gravity[j], at_rest[j],
+                n, k, m, plant[j], proximal[j], distal[j], stiffness[j], holds[j], at_rest[j],
                 drive[j] + g * n, end[j] + g * n, load[j] + g * m, (int)by_force, m == 1 ? friction[j] : 0.0,
                 0.0, it.span, it.warmth, after[j], after[j], work[20], work[0], work[24]};
             if (it.friction > 0.0) beside.slides = copysign(beside.friction, it.slides);

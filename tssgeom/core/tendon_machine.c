@@ -85,22 +85,29 @@ static int try_tendon(const sample *it, int64_t i, const double z[], end_forces 
     return 1;
 }
 
-double held_by(const double law[3], double z) {
-    return law[0] * (sin(z + law[1]) - sin(law[1])) + law[2] * z * z * z;
+double held_by(const double law[], double z) {
+    const double *table = table_of(law + 3, 0);
+    double slope, more = table ? table_value(table, z, &slope) : 0.0;
+    return law[0] * (sin(z + law[1]) - sin(law[1])) + law[2] * z * z * z + more;
 }
 
-double held_slope(const double law[3], double z) { return law[0] * cos(z + law[1]) + 3.0 * law[2] * z * z; }
+double held_slope(const double law[], double z) {
+    const double *table = table_of(law + 3, 0);
+    double slope = 0.0;
+    if (table) table_value(table, z, &slope);
+    return law[0] * cos(z + law[1]) + 3.0 * law[2] * z * z + slope;
+}
 
 /* Forces that are left on the coordinates [m], and their derivatives [m][m]; docs/model.md (173). */
 static int try_all(const sample *it, const double z[], double left[], double slope[], double *scale) {
     int64_t m = it->m;
     *scale = 1e-9;
     for (int64_t a = 0; a < m; a++) {
-        double spring = it->stiffness[a] * z[a], weight = held_by(it->gravity + 3 * a, z[a]);
+        double spring = it->stiffness[a] * z[a], weight = held_by(it->holds + HOLDS * a, z[a]);
         left[a] = -it->at_rest[a] - it->load[a] - it->slides - spring - weight;
         *scale = most(*scale, fabs(it->at_rest[a]) + fabs(spring) + fabs(weight)); /* where all tendons are slack */
         for (int64_t b = 0; b < m; b++)
-            slope[a * m + b] = a == b ? -it->stiffness[a] - held_slope(it->gravity + 3 * a, z[a]) : 0.0;
+            slope[a * m + b] = a == b ? -it->stiffness[a] - held_slope(it->holds + HOLDS * a, z[a]) : 0.0;
     }
     for (int64_t i = 0; i < it->n; i++) {
         end_forces f;
@@ -263,7 +270,7 @@ void read_ends(const sample *it, const double z[], double ends[]) {
 int64_t tss_march_machine(
     int64_t n, int64_t k, const double plant[n][17 * (k + 1) + 430], const double memory[n][9 * (k + 1) + 7],
     int64_t m, const double proximal[n][m], const double distal[n][m], const double stiffness[m],
-    const double gravity[m][3], const double friction[m], const double at_rest[m], const double start[m],
+    const double holds[m][40], const double friction[m], const double at_rest[m], const double start[m],
     int64_t by_force, int64_t s,
     const double spans[s], const double drive[s][n], const double end[s][n], const double load[s][m],
     const double warmth[s], int64_t rows, double after[n][9 * (k + 1) + 7], double coordinate[s][m],
@@ -282,7 +289,7 @@ int64_t tss_march_machine(
         for (int64_t a = 0; a < m; a++) sum += load[g][a];
         if (!isfinite(sum)) return g;
         sample it = {
-            n, k, m, *plant, *proximal, *distal, stiffness, *gravity, at_rest, drive[g], end[g], load[g],
+            n, k, m, *plant, *proximal, *distal, stiffness, *holds, at_rest, drive[g], end[g], load[g],
             (int)by_force, m == 1 ? friction[0] : 0.0, 0.0, most(BAR.least_time, spans[g]), warmth[g], *after, *trial, work[20], work[0], work[21]};
         if (!solve_balance(&it, z)) return g;
         memcpy(*after, *trial, (size_t)n * memory_bytes(k));
@@ -299,7 +306,7 @@ int64_t tss_step_machines(
     int64_t w, int64_t c, int64_t n, int64_t k, int64_t d, const double plant[n][17 * (k + 1) + 430],
     const double slope[d][n * (17 * (k + 1) + 430)], const double shift[c][d],
     const double memory[w][n * (9 * (k + 1) + 7)], const int64_t row[c], int64_t m, const double proximal[c][n * m],
-    const double distal[c][n * m], const double stiffness[c][m], const double gravity[c][3 * m],
+    const double distal[c][n * m], const double stiffness[c][m], const double holds[c][40 * m],
     const double friction[c], const double at_rest[c][m], const double start[c][m], int64_t by_force,
     const double drive[c][n], const double end[c][n], const double load[c][m], double span, double warmth,
     double after[c][n * (9 * (k + 1) + 7)], double coordinate[c][m], double ends[c][4 * n],
@@ -316,7 +323,7 @@ int64_t tss_step_machines(
             set_cones_of(k, own[i]);
         }
         sample it = {
-            n, k, m, *own, proximal[j], distal[j], stiffness[j], gravity[j], at_rest[j], drive[j], end[j],
+            n, k, m, *own, proximal[j], distal[j], stiffness[j], holds[j], at_rest[j], drive[j], end[j],
             load[j], (int)by_force, m == 1 ? friction[j] : 0.0, 0.0, most(BAR.least_time, span), warmth,
             memory[row[j]], after[j], work[20], work[0], work[21]};
         if (!solve_balance(&it, coordinate[j])) return j;

@@ -41,7 +41,7 @@ from tssgeom.effects.friction import (
     ViscousDrag,
 )
 from tssgeom.effects.kinds import Channel, Effect, Parameter, Setup, Tie, snake
-from tssgeom.effects.laws import CreepLaw, FrictionLaw, Law, SensorLaw, StretchLaw
+from tssgeom.effects.laws import CreepLaw, FrictionLaw, Law, LoadLaw, SensorLaw, StretchLaw
 from tssgeom.effects.route import HiddenBend, SheathClearance
 from tssgeom.errors import SettingsError
 
@@ -152,6 +152,7 @@ __all__ = [
     "Library",
     "LoadCellCrosstalk",
     "LoadDependentFriction",
+    "LoadLaw",
     "LoadPlay",
     "Parameter",
     "Presliding",

@@ -9,14 +9,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Literal, TypeAlias
+from typing import ClassVar, Literal, TypeAlias
 
 import numpy as np
 
 from tssgeom import core
 from tssgeom.arrays import Vector
 from tssgeom.core.constants_tendon_rows import TABLE
-from tssgeom.effects.kinds import Channel, Curve, Effect, Setup
+from tssgeom.effects.kinds import Channel, Curve, Effect, Hook, Setup
 from tssgeom.errors import SettingsError
 
 FrictionOver = Literal["tension", "speed", "curvature", "arc_length", "travel", "time", "position"]
@@ -37,6 +37,8 @@ _STRETCH_TABLES = {
     "distal": "stretch_out",
     "load": "load_path",
 }
+OF_JOINT = "load of the joint"
+"""The curve of a setup that acts on a joint, and not in a tendon."""
 _MOST_FACTOR = 100.0  # chosen: more friction than that is a clamp
 
 
@@ -46,6 +48,7 @@ class FrictionLaw(Effect, frozen=True):
     `travel` is the path that each contact has slid, `position` how far the tendon was pulled in.
     """
 
+    hook: ClassVar[Hook] = "friction cone"
     over: FrictionOver
     x: tuple[float, ...]
     """[k] What friction depends on, increasing, in SI."""
@@ -76,6 +79,7 @@ class StretchLaw(Effect, frozen=True):
     Inside the sheath it is a strain; of the proximal or distal end, and of the load, a path in metres.
     """
 
+    hook: ClassVar[Hook] = "bar law"
     of: StretchOf
     x: tuple[float, ...]
     """[k] Tension, increasing [N]."""
@@ -107,6 +111,7 @@ class CreepLaw(Effect, frozen=True):
     Kelvin–Voigt elements in a row. Source: as the effect `creep`.
     """
 
+    hook: ClassVar[Hook] = "eigenstrain"
     time_s: tuple[float, ...]
     """[n] Time constants, increasing [s]."""
     ratio: tuple[float, ...]
@@ -132,6 +137,7 @@ class CreepLaw(Effect, frozen=True):
 class SensorLaw(Effect, frozen=True):
     """What a channel reads beside the truth, over the true value or over time; docs/model.md (188)."""
 
+    hook: ClassVar[Hook] = "observation"
     channel: Channel
     over: Literal["reading", "time"]
     x: tuple[float, ...]
@@ -147,7 +153,24 @@ class SensorLaw(Effect, frozen=True):
         return with_curve(setup, Curve(f"{self.channel} over {self.over}", self.x, self.error))
 
 
-Law: TypeAlias = FrictionLaw | StretchLaw | CreepLaw | SensorLaw
+class LoadLaw(Effect, frozen=True):
+    """Torque against a joint over its angle, beside its stiffness and its weight; docs/model.md (350)."""
+
+    hook: ClassVar[Hook] = "boundary"
+    x: tuple[float, ...]
+    """[k] Angle of the joint, increasing [rad]."""
+    torque: tuple[float, ...]
+    """[k] Against the joint [N·m]."""
+
+    def __post_init__(self) -> None:
+        check_points("load_law", self.x, self.torque, "torque")
+
+    def on(self, setup: Setup) -> Setup:
+        """Return the setup with this law in it."""
+        return with_curve(setup, Curve(OF_JOINT, self.x, self.torque))
+
+
+Law: TypeAlias = FrictionLaw | StretchLaw | CreepLaw | SensorLaw | LoadLaw
 """Any law."""
 _CREEPS = 3  # derived: elements of creep that the core has
 

@@ -53,16 +53,21 @@ def laws_for_formulae(
     named = {MECHANISM_OF.get(part.name) for part in model.parts} - {law.name for law in model.problem.laws}
     for law in [law for law in laws_of(model) if law.name in named] if named else ():
         those = [part.label for part in model.parts if MECHANISM_OF.get(part.name) == law.name]
-        step = _instead(law, those, base, model, kept)
+        step = _instead(law, those, base, model, kept, EVIDENCE_SCALE.very_strong)
         if step is not None and step.chosen is not None:
             yield step
             model = step.chosen.model
 
 
 def _instead(
-    law: FreeLaw, those: Sequence[str], base: FittedModel, model: FittedModel, kept: Sequence[MachineRun]
+    law: FreeLaw,
+    those: Sequence[str],
+    base: FittedModel,
+    model: FittedModel,
+    kept: Sequence[MachineRun],
+    least: float,
 ) -> PartStep | None:
-    """Return the step to a law from a model without some parts; None where it is not the likelier one."""
+    """Return the step to a law from a model without some parts; None with a ΔBIC up to `least`."""
     less: FittedModel | None = model
     whole = model
     for label in those:
@@ -74,13 +79,22 @@ def _instead(
         return None
     step = refits(base, less, law_scores(less, [law]), kept)
     gain = -math.inf if step.chosen is None else step.chosen.delta_bic
-    return step if gain - delta_bic(less, whole) > EVIDENCE_SCALE.very_strong else None
+    return step if gain - delta_bic(less, whole) > least else None
 
 
-def without_formulae(model: FittedModel, kept: Sequence[MachineRun]) -> FittedModel:
-    """Return a model whose last part is a law without the formulae of its mechanism, which it can follow."""
+def without_formulae(base: FittedModel, model: FittedModel, kept: Sequence[MachineRun]) -> FittedModel:
+    """Return a model whose last part is a law without the formulae of its mechanism, which it can follow.
+
+    The law gets anew the roughness that is likeliest without them.
+    """
     law = model.parts[-1]
-    for label in [part.label for part in model.parts if MECHANISM_OF.get(part.name) == law.name]:
+    those = [part.label for part in model.parts if MECHANISM_OF.get(part.name) == law.name]
+    if not those:
+        return model
+    step = _instead(law.laws[0], [*those, law.label], base, model, kept, -EVIDENCE_SCALE.very_strong)
+    if step is not None and step.chosen is not None:
+        return step.chosen.model
+    for label in those:
         model = without_part(model, _position(label, model), kept) or model
     return model
 

@@ -14,7 +14,8 @@ import numpy as np
 
 from tssgeom import core
 from tssgeom.arrays import Matrix, Vector, read_only
-from tssgeom.effects import AnyEffect
+from tssgeom.core.constants_tendon_rows import TABLE
+from tssgeom.effects import AnyEffect, LoadLaw
 from tssgeom.identify.finding import LawCurve
 from tssgeom.identify.law_fit import LAW_FIT
 from tssgeom.identify.law_smoothness import law_precision
@@ -24,6 +25,8 @@ from tssgeom.mechanism import numbered
 from tssgeom.plausibility.limits import LIMITS as PLAUSIBLE
 from tssgeom.rig import Rig
 from tssgeom.statistics import NORMAL_95
+
+ANGLE = "joint_angle_rad"
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,9 +75,10 @@ class FreeLaw:
         return np.asarray(WAVES.step / np.abs(self.waves).max(axis=0))
 
     def as_rough(self, orders: tuple[int, ...] = (2,), least: float = WAVES.least) -> tuple[FreeLaw, ...]:
-        """Return the law with every prior: roughness and order of the derivatives that it holds."""
-        every = product(orders, LAW_FIT.roughness)
-        return tuple(_free_law(self.mechanism, rough, order, least) for order, rough in every)
+        """Return the law with every prior that leaves it a wave: roughness and order of what it holds."""
+        priors = product(orders, LAW_FIT.roughness)
+        every = (_free_law(self.mechanism, rough, order, least) for order, rough in priors)
+        return tuple(one for one in every if one.size)
 
     def with_knots(self, count: int) -> FreeLaw:
         """Return a law of friction with so many knots, all waves of which are kept."""
@@ -102,10 +106,12 @@ def _free_law(one: Mechanism, roughness: float, order: int = 2, least: float = W
     """Return a law that does not do what the base model has a number for; docs/model.md (311)."""
     covariance = np.linalg.inv(law_precision(one, roughness, LAW_FIT.level, order))
     of_base = one.x[1:, None] / one.x[-1] if one.pinned else np.ones((one.size - one.more, 1))
+    if one.has_slope:
+        of_base = np.column_stack([of_base, one.x / np.abs(one.x).max()])
     of_base = np.pad(of_base, ((0, one.more), (0, 0)))
     others = np.eye(one.size) - of_base @ np.linalg.pinv(of_base)
     size, waves = np.linalg.eigh(others @ covariance @ others)
-    waves = (waves * np.sqrt(np.maximum(size, 0.0)))[:, :0:-1]  # the least is what the base model does
+    waves = (waves * np.sqrt(np.maximum(size, 0.0)))[:, : of_base.shape[1] - 1 : -1]  # not the base model's
     return FreeLaw(one, roughness, waves[:, np.abs(waves).max(axis=0) > least])
 
 
@@ -124,7 +130,7 @@ def free_laws(
         That machine.
     """
     every = _mechanisms(runs, moved, rig)
-    return tuple(_free_law(one, LAW_FIT.roughness[0]) for one in every)
+    return tuple(_free_law(one, LAW_FIT.roughness[0]).as_rough()[0] for one in every)
 
 
 def _mechanisms(
@@ -159,9 +165,31 @@ def _mechanisms(
     if len(runs) > 1 and travel > 0.0:  # of one run nothing repeats what else changes on its way
         yield friction_law("travel", np.linspace(0.0, travel, usual), "m")
         yield friction_law("time", np.linspace(0.0, max(float(np.ptp(each)) for each in times), usual), "s")
+    if rig.end.kind == "joint":
+        read = [run.measured.get(ANGLE, own[ANGLE]) for run, own in zip(runs, moved, strict=True)]
+        turned = np.concatenate([[0.0], *(each[np.isfinite(each)] for each in read)])
+        if np.ptp(turned) > 0.0:
+            low, high = float(turned.min()), float(turned.max())
+            yield load_law(low, high, rig.end.radius_m * (most - least))
     low, high = min(float(way.min()) for way in every), max(float(way.max()) for way in every)
     if high > low:
         yield friction_law("position", np.linspace(low, high, usual), "m")
+
+
+def load_law(low: float, high: float, torque: float) -> Mechanism:
+    """Return the torque of a joint over its angle [rad], from how far torques go [N·m]; (350)."""
+    x = np.linspace(low, high, TABLE.most - 1)  # so that one may lie amid the others
+    x[np.abs(x).argmin()] = 0.0  # whatever its load
+    rest, knots, unit = x == 0.0, tuple(x.tolist()), KNOTS.load * torque
+
+    def value(u: Vector) -> Vector:
+        return unit * (u - u[rest])
+
+    def effect(u: Vector) -> AnyEffect:
+        return LoadLaw(x=knots, torque=tuple(value(u).tolist()))
+
+    even = (x - x[0]) / (x[-1] - x[0])
+    return Mechanism("load_over_position", x, even, effect, value, "N·m", ANGLE, has_slope=True)
 
 
 def law_curve(law: FreeLaw, numbers: Vector, covariance: Matrix, coefficient: float) -> LawCurve:

@@ -64,7 +64,7 @@ def selected_parts(
         steps += made
         if best is None:
             break
-        model = without_formulae(best.model, kept) if best.part.laws else best.model
+        model = without_formulae(base, best.model, kept) if best.part.laws else best.model
     model = _backward(model, kept)
     for step in laws_for_formulae(base, model, kept):
         steps.append(step)

@@ -88,6 +88,8 @@ class KnotSettings:
     """Of the fastest speed: the slowest knot but that at rest [1]; chosen."""
     stretch: float = 0.1
     """Of the elastic stretch at the greatest tension: unit of a stretch [1]; chosen."""
+    load: float = 0.5
+    """Of how far torques go: unit of a load [1]; chosen."""
     sensor_unit: float = 5.0
     """Of the noise: unit of the error of a sensor [1]; chosen."""
     lag_s: float = 0.05
@@ -127,6 +129,8 @@ class Mechanism:
     """Whether u are the steps from knot to knot, none of which falls."""
     more: int = 0
     """Numbers behind those of the knots, which the law is no curve of."""
+    has_slope: bool = False
+    """Whether the base model has a number for the slope of the law, beside that for its level."""
     is_straight: bool = False
     """Whether readings follow the law in straight lines, however far it goes."""
 
@@ -314,21 +318,13 @@ def _tensions(runs: Sequence[Reading], rig: Rig) -> tuple[float, float]:
 
 def _fastest(runs: Sequence[Reading]) -> float:
     """Return the speed of the drive's end that is passed in a hundredth of the samples [m/s]."""
-    speeds = [
-        np.abs(np.gradient(run.given["displacement_in_m"], run.time))
-        for run in runs
-        if "displacement_in_m" in run.given
-    ]
-    if not speeds:
-        speeds = [
-            np.abs(np.gradient(run.measured["displacement_in_m"], run.time))
-            for run in runs
-            if "displacement_in_m" in run.measured
-        ]
-    if not speeds:
-        return 0.0
-    all_speeds = np.concatenate(speeds)
-    return float(np.nanquantile(all_speeds, 0.99))
+    name = "displacement_in_m"
+    for columns in ([run.given for run in runs], [run.measured for run in runs]):
+        own = [(each[name], run.time) for each, run in zip(columns, runs, strict=True) if name in each]
+        if own:
+            speeds = np.concatenate([np.abs(np.gradient(*each)) for each in own])
+            return float(np.nanquantile(speeds, 0.99))
+    return 0.0
 
 
 def _travel(run: Reading) -> float:

@@ -29,6 +29,7 @@ OVER = {
     "travel_m": ("path slid", "m"),
     "time_s": ("time since the run began", "s"),
     "position_m": ("proximal position", "m"),
+    "joint_angle_rad": ("angle of the joint", "rad"),
 }
 """What a law may be over, and its unit in SI; a channel stands for itself."""
 _DEPENDS = {

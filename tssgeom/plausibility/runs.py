@@ -8,7 +8,7 @@ from itertools import combinations
 import numpy as np
 
 from tssgeom.arrays import Vector
-from tssgeom.effects import FrictionLaw, SensorLaw, StretchLaw
+from tssgeom.effects import FrictionLaw, LoadLaw, SensorLaw, StretchLaw
 from tssgeom.effects.kinds import ANSWERS
 from tssgeom.plausibility.digits import digit_remarks
 from tssgeom.plausibility.kinds import Remark
@@ -102,6 +102,8 @@ def _over(effect: object) -> tuple[str, tuple[float, ...]]:
         return effect.over, effect.x
     if isinstance(effect, StretchLaw):
         return "tension", effect.x
+    if isinstance(effect, LoadLaw):
+        return "joint_angle_rad", effect.x
     if isinstance(effect, SensorLaw):
         return effect.channel if effect.over == "reading" else "time", effect.x
     return "", ()

@@ -12,6 +12,7 @@ import numpy as np
 from tssgeom import core
 from tssgeom.arrays import Matrix, Vector, read_only
 from tssgeom.core.constants_tendon_rows import LAW, PLANT
+from tssgeom.effects.laws import OF_JOINT, table
 from tssgeom.errors import SettingsError
 from tssgeom.mechanism import Coordinates, coordinates
 from tssgeom.rig import Rig
@@ -63,13 +64,14 @@ def machine_of(rig: Rig, routes: Sequence[Arcs], bars: int = BARS) -> Machine:
     SettingsError
         Where drive, end and routes do not go together, or the tendon does not stretch.
     """
-    motion = coordinates(rig.drive, rig.end, rig.load.stiffness_N_per_m)
+    setup = setup_of(rig)
+    law = next((table(each) for each in setup.curves if each.table == OF_JOINT), None)
+    motion = coordinates(rig.drive, rig.end, rig.load.stiffness_N_per_m, law)
     count = len(motion.distal)
     if len(routes) not in (1, count):
         raise SettingsError(f"{len(routes)} routes for {count} tendons: give one for all, or one each")
     check_compliance(rig.tendon.compliance_per_N)
     edge = equal_edges(bars, HALVINGS, HALVINGS)
-    setup = setup_of(rig)
     plants = []
     for arcs in routes:
         made = plant(setup, arcs, edge)
@@ -143,7 +145,7 @@ def carry_on(acts: Acts, *, profile: bool = False) -> tuple[int, MachineTrace, M
         acts.proximal,
         laws.distal,
         laws.stiffness,
-        laws.gravity,
+        laws.holds,
         np.full(len(laws.stiffness), laws.friction),
         acts.balance,
         acts.state.coordinate,
@@ -184,7 +186,7 @@ def carry_on_beside(every: Sequence[Acts]) -> tuple[int, list[tuple[MachineTrace
         rows(each.proximal for each in every),
         rows(each.laws.distal for each in every),
         np.array([each.laws.stiffness for each in every]),
-        rows(each.laws.gravity for each in every),
+        rows(each.laws.holds for each in every),
         np.array([each.laws.friction for each in every]),
         np.array([each.balance for each in every]),
         np.array([each.state.coordinate for each in every]),

@@ -8,7 +8,7 @@ from typing import TypeVar
 import numpy as np
 
 from tssgeom.arrays import Matrix, Vector
-from tssgeom.mechanism import Coordinates, numbered, per_motor_angle, tip
+from tssgeom.mechanism import Coordinates, held_by, numbered, per_motor_angle, tip
 from tssgeom.rig import Rig
 from tssgeom.tendon.bars.sensors import play
 from tssgeom.tendon.machine import Machine, MachineTrace
@@ -93,10 +93,10 @@ def _of_motor(rig: Rig, motor: Vector, ends: np.ndarray, before: Turning | None)
 
 def _outcome(motion: Coordinates, angles: Matrix, ends: np.ndarray, before: MachineHistory) -> Matrix:
     """Return what acts on coordinates that are given [s, m]: what is left of (173)."""
-    most, at_rest, cube = motion.gravity.T
-    weight = most * (np.sin(angles + at_rest) - np.sin(at_rest)) + cube * angles**3
     balance = motion.distal.T @ before.held[:, 1]
-    torque = ends[:, :, 1] @ motion.distal - balance - angles * motion.stiffness - weight
+    torque = (
+        ends[:, :, 1] @ motion.distal - balance - angles * motion.stiffness - held_by(motion.holds, angles)
+    )
     if motion.friction > 0.0:
         torque = torque - motion.friction * direction(angles[:, 0], before.joint)[:, None]
     return torque

@@ -14,7 +14,7 @@ from msgspec.structs import replace as changed
 
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.errors import FitError, SettingsError
-from tssgeom.mechanism import Coordinates, numbered, per_motor_angle
+from tssgeom.mechanism import HOLDS, Coordinates, numbered, per_motor_angle
 from tssgeom.rig import Rig
 from tssgeom.tendon.bars.sensors import play
 from tssgeom.tendon.machine import (
@@ -287,7 +287,7 @@ def _end(
     moved, load = np.zeros((samples, n)), np.zeros((samples, m))
     if end_given:
         given = np.column_stack([without_zero(run, name, rig) for name in motion.names])
-        free = Coordinates(np.zeros((n, m)), np.ones(m), np.zeros((m, 3)), motion.names)
+        free = Coordinates(np.zeros((n, m)), np.ones(m), np.zeros((m, HOLDS)), motion.names)
         return given @ motion.distal.T, free, load
     if rig.end.kind == "joint" and "joint_torque_Nm" in run:
         load[:, 0] = without_zero(run, "joint_torque_Nm", rig)
@@ -304,9 +304,9 @@ def _with_motor(laws: Coordinates, arms: Vector) -> tuple[Coordinates, Matrix]:
         )
     proximal = np.column_stack([np.zeros((n, m)), arms])
     distal = np.column_stack([laws.distal, np.zeros(n)])
-    gravity = np.vstack([laws.gravity, np.zeros((1, 3))])
+    holds = np.vstack([laws.holds, np.zeros((1, HOLDS))])
     return Coordinates(
-        distal, np.append(laws.stiffness, 0.0), gravity, (*laws.names, "motor_angle_rad")
+        distal, np.append(laws.stiffness, 0.0), holds, (*laws.names, "motor_angle_rad")
     ), proximal
 
 

@@ -29,7 +29,7 @@ from tssgeom.view.figures.plots import (
     titles,
 )
 
-_SCALES = {"m": ("mm", 1e3), "m/s": ("mm/s", 1e3)}
+_SCALES = {"m": ("mm", 1e3), "m/s": ("mm/s", 1e3), "rad": ("°", 180.0 / math.pi)}
 _COLUMNS = 2
 _FEW = 8  # points that are marked; chosen
 
@@ -275,14 +275,18 @@ def _draw(axes: Axes, each: Candidate, finding: Finding) -> None:
     assert law is not None
     name, x, unit = _abscissa(law)
     label, y_unit, factor = _ordinate(each, law)
-    axes.fill_between(x, factor * law.low, factor * law.high, color=BAND, linewidth=0, label="95 % band")
+    beside, base, whole = np.zeros(len(x)), "base model", "law"
+    if law.over == "joint_angle_rad":  # the law has no slope, so the whole is drawn
+        beside, base = finding.rig.end.stiffness_Nm_per_rad * law.x, "stiffness alone"
+        whole = "stiffness and law"
+    low, value, high = (factor * (each + beside) for each in (law.low, law.value, law.high))
+    axes.fill_between(x, low, high, color=BAND, linewidth=0, label="95 % band")
     style = {"marker": "o", "markersize": 3} if len(x) < _FEW else {}
-    axes.plot(x, factor * law.value, color=BLUE, linewidth=1.4, label="law", **style)
+    axes.plot(x, value, color=BLUE, linewidth=1.4, label=whole, **style)
+    known = factor * beside
     if each.names[0].startswith("friction_over"):
-        nominal = finding.nominal["friction"]
-        axes.axhline(nominal, color=ORANGE, linestyle=(0, (4, 1.5)), linewidth=1.1, label="rig file")
-    else:
-        axes.axhline(0.0, color=ORANGE, linestyle=(0, (4, 1.5)), linewidth=1.1, label="base model")
+        known, base = np.full(len(x), finding.nominal["friction"]), "rig file"
+    axes.plot(x, known, color=ORANGE, linestyle=(0, (4, 1.5)), linewidth=1.1, label=base)
     axes.margins(x=0.02)
     axes.legend(loc="best")
     titles(axes, words.candidate(each), f"{name} [{unit}]", f"{label} [{y_unit}]")
@@ -307,5 +311,7 @@ def _ordinate(each: Candidate, law: LawCurve) -> tuple[str, str, float]:
     unit, factor = _SCALES.get(law.unit, (law.unit, 1.0))
     if name == "strain_over_time":
         return "creep over elastic strain", "1", 1.0
+    if law.unit == "N·m":
+        return "torque against the joint", "mN·m", 1e3
     what = "reading less truth" if name.startswith("sensor") else "path beside the linear one"
     return what, unit, factor
