@@ -131,7 +131,8 @@ def read_run(path: str | Path, columns: ColumnMap = NO_MAP) -> MeasuredRun:
         raise SourceError(f"{path}: a run is a table: use {', '.join(ENDINGS)}")
     read = _plain(path, kind, columns) or _laboratory(path, columns)
     if TIME not in read.values:
-        others = f"; columns are {', '.join(read.unread)}" if read.unread else ""
+        others = "".join(f"; {warning}" for warning in read.warnings)
+        others += f"; columns are {', '.join(read.unread)}" if read.unread and not others else ""
         raise SettingsError(f"{path}: no column {TIME} in the header: known are {_KNOWN}{others}")
     values, doubled = _without_doubled(read.values)
     targets = [name for name in (*read.values, *read.unread) if name in MEASURED and name not in _CHANNELS]

@@ -17,12 +17,9 @@ from tssgeom.errors import ShapeError
 from tssgeom.io.formats.columns import AXES, BENDS, CHANNELS, MEASURED, MOST_TENDONS, TIME
 from tssgeom.io.formats.laboratory.mapping import IGNORE
 from tssgeom.io.formats.laboratory.names import QUANTITIES, Meaning, canonical, channel_text
-from tssgeom.io.formats.laboratory.raw import DAY, RawTable
+from tssgeom.io.formats.laboratory.raw import RawTable
 from tssgeom.io.formats.laboratory.units import FORCE, LENGTH, SI, TEMPERATURE, UNITS, Unit
 from tssgeom.plausibility.limits import LIMITS
-
-_EPOCHS = {"s": 3e8, "ms": 3e11, "us": 3e14, "ns": 3e17}
-"""Least number of each unit since 1970 that is a date; derived: 3e8 s is 1979, 3e11 s the far future."""
 
 
 class Plausible(NamedTuple):
@@ -125,48 +122,6 @@ def _exact(factor: float) -> float:
     return round(1e3 * factor, 12)
 
 
-def take_time(table: RawTable, columns: list[Column], result: Resolved) -> None:
-    """Take the best of the columns that hold times."""
-    columns = [column for column in columns if values_of(table, column.at) is not None]
-    if TIME in result.values or not columns:
-        return
-    best = min(columns, key=lambda each: (_is_date(table, each), each.meaning.unit is None, each.at))
-    values = values_of(table, best.at)
-    assert values is not None
-    others = [f"{each.name} is not read beside {best.name}" for each in columns if each is not best]
-    unit, note = best.meaning.unit, ""
-    if unit is None:
-        unit, note = _unit_of_times(values)
-    if unit is None:
-        result.unclear.append(f"{best.name!r} has no unit: give {_option(best.name, 'time_s:ms')} or :s")
-        result.suggested[best.name] = "time_s:ms"
-        return
-    take(table, best._replace(meaning=best.meaning._replace(unit=unit)), result, note=note)
-    result.notes += others
-
-
-def _is_date(table: RawTable, column: Column) -> bool:
-    """Whether a column holds days alone, beside which another one has the time of the day."""
-    values = values_of(table, column.at)
-    return values is not None and bool(np.nanmin(values) >= _EPOCHS["s"] and not (values % DAY).any())
-
-
-def _unit_of_times(values: Vector) -> tuple[Unit | None, str]:
-    """Return the unit of times without one by their size, or by the step between them."""
-    known = values[np.isfinite(values)]
-    if not len(known):
-        return None, ""
-    least = float(np.min(known))
-    for symbol in reversed(_EPOCHS):
-        if least >= _EPOCHS[symbol]:
-            return UNITS[symbol], " (since 1970)"
-    steps = np.abs(np.diff(known))
-    steps = steps[steps > 0]
-    if len(steps) and np.median(steps) > PLAUSIBLE.interval:
-        return None, ""
-    return UNITS["s"], " (no unit: taken as s)"
-
-
 def take_channels(table: RawTable, columns: list[Column], result: Resolved, *, points: bool) -> None:
     """Take tensions, displacements and temperature; what is not certain becomes unclear."""
     if points:  # a position beside coordinates may be anything; what varies along the route is no channel
@@ -195,7 +150,7 @@ def take_channels(table: RawTable, columns: list[Column], result: Resolved, *, p
         elif channel in held:
             result.unclear.append(
                 f"{column.name!r} is {canonical(channel)} too, which is there already: "
-                f"give {_option(column.name, IGNORE)}"
+                f"give {option_of(column.name, IGNORE)}"
             )
             result.suggested[column.name] = IGNORE
         elif values_of(table, column.at) is None or not channel or (target and not points):
@@ -255,15 +210,16 @@ def _likely(table: RawTable, column: Column, columns: Sequence[Column], held: se
     return options[0 if sizes.index(max(sizes)) == same.index(column) else -1]
 
 
-def _option(name: str, meant: str) -> str:
+def option_of(name: str, meant: str) -> str:
+    """Return the option that states what a column is."""
     return f'--map "{name}={meant}"'
 
 
 def _either(name: str, options: Sequence[str]) -> str:
     """Offer each option; where the name has the number of a tendon, those of a rig with several too."""
-    offered = " or ".join(_option(name, option) for option in options)
+    offered = " or ".join(option_of(name, option) for option in options)
     numbered = _numbered(name, options)
-    return f"{offered}; of several tendons {_option(name, numbered)} or _out_" if numbered else offered
+    return f"{offered}; of several tendons {option_of(name, numbered)} or _out_" if numbered else offered
 
 
 def _numbered(name: str, options: Sequence[str]) -> str:
@@ -290,7 +246,7 @@ def _take_unitless(table: RawTable, column: Column, result: Resolved) -> None:
     meant = f"{canonical(channel)}:{guess}"
     other = {"mm": "m", "m": "mm", "mN": "gf"}.get(guess)
     result.unclear.append(
-        f"{column.name!r} has no unit: give {_option(column.name, meant)}"
+        f"{column.name!r} has no unit: give {option_of(column.name, meant)}"
         + (f" or :{other}" if other else "")
     )
     result.suggested[column.name] = meant
@@ -321,13 +277,13 @@ def _leave(column: Column, result: Resolved, drives: tuple[str, ...]) -> None:
     options, counted = _options(column), re.search(r"\bcounts?\b", column.name, re.IGNORECASE)
     result.unclear.append(
         f"{column.name!r} may be a drive, and there is no other: give {_either(column.name, options)}, "
-        f"or {_option(column.name, IGNORE)}"
-        + (f"; of counts with what one is, {_option(column.name, _OF_COUNTS)}" if counted else "")
+        f"or {option_of(column.name, IGNORE)}"
+        + (f"; of counts with what one is, {option_of(column.name, _OF_COUNTS)}" if counted else "")
     )
     result.suggested[column.name] = options[0]
 
 
 def not_read(name: str, nearest: str) -> str:
     """Return the warning of a column that is not read."""
-    hint = f"the nearest name is {nearest}; if it is that, give {_option(name, nearest)}"
+    hint = f"the nearest name is {nearest}; if it is that, give {option_of(name, nearest)}"
     return f"column {name!r} is not read: {hint}"

@@ -12,7 +12,7 @@ import numpy as np
 from tssgeom.arrays import Vector
 from tssgeom.errors import ShapeError
 from tssgeom.io.formats.columns import AXES, BENDS, POINT
-from tssgeom.io.formats.laboratory.channels import Column, Resolved, take, take_channels, take_time, values_of
+from tssgeom.io.formats.laboratory.channels import Column, Resolved, take, take_channels, values_of
 from tssgeom.io.formats.laboratory.headers import repeated
 from tssgeom.io.formats.laboratory.mapping import IGNORE, Mapped, same_name
 from tssgeom.io.formats.laboratory.names import (
@@ -27,6 +27,7 @@ from tssgeom.io.formats.laboratory.names import (
 )
 from tssgeom.io.formats.laboratory.raw import MISSING, RawTable, is_number, numbers_of
 from tssgeom.io.formats.laboratory.text import EXPECTED
+from tssgeom.io.formats.laboratory.times import take_time
 from tssgeom.io.formats.laboratory.units import LENGTH, SI, UNITS, unit_of
 
 
