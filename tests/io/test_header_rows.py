@@ -275,3 +275,29 @@ def test_a_note_counts_the_lines_before_a_table_and_not_its_comments(tmp_path):
     assert read_run(commented).notes == ()
     below = written(tmp_path / "b.csv", ["Rig of the second floor", "cold", "# a comment"], table)
     assert read_run(below).notes == ("2 lines before the table are not read",)
+
+
+def test_columns_that_a_row_leaves_open_are_named_by_the_row_above(tmp_path):
+    """As OpenSim writes markers: `Frame#` and `Time` beside the labels, the axes below."""
+    head = [
+        "PathFileType\t4\t(X/Y/Z)\ttake.trc",
+        "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits",
+        "20\t20\t3\t5\tmm",
+        "Frame#\tTime\t" + "\t\t\t".join(NAMES) + "\t\t",
+        "\t\t" + "\t".join(f"{axis}{k}" for k in range(1, 6) for axis in "XYZ"),
+    ]
+    rows = ["\t".join([str(f + 1), f"{0.05 * f:.3f}", *row]) for f, row in enumerate(cells(POINTS))]
+    recording = open_recording(written(tmp_path / "take.txt", head, rows), "mm")
+    require_points(recording, 0.05)
+    assert "'Frame#', 'Time' named one row above the others" in recording.notes
+
+
+def test_ends_below_quantities_leave_the_time_its_name(tmp_path):
+    head = ["Zeit;Zugkraft;;Weg", ";proximal;distal;Motor", "s;N;N;mm"]
+    rows = [f"{0.1 * k:.1f};{8 + k};{5 + k};{k}" for k in range(6)]
+    read = read_run(written(tmp_path / "run.csv", head, rows))
+    np.testing.assert_allclose(read.time, 0.1 * np.arange(6))
+    assert read.tension_out is not None
+    assert read.tension_out[0] == 5.0
+    assert read.displacement_in is not None
+    np.testing.assert_allclose(read.displacement_in, 1e-3 * np.arange(6))

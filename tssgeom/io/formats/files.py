@@ -52,7 +52,7 @@ READERS: dict[str, Reader] = {
     ".db3": open_bag,
 }
 """The reader of each ending."""
-ONLY_NAMED = (".txt", ".dat", ".txt.gz", ".dat.gz")
+ONLY_NAMED = (".txt", ".dat", ".lvm", ".txt.gz", ".dat.gz")
 """Endings of files that are read where they are named; in a folder they may be anything."""
 
 _NO_DATA = (".toml", ".md")

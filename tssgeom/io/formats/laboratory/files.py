@@ -25,7 +25,7 @@ from tssgeom.io.formats.laboratory.text import read_text
 from tssgeom.io.formats.paths import bytes_of, ending, require_room, require_room_in_zip
 from tssgeom.io.formats.tables import parquet_columns, parquet_file
 
-TEXT = (".csv", ".tsv", ".txt", ".dat", ".csv.gz", ".tsv.gz", ".txt.gz", ".dat.gz")
+TEXT = (".csv", ".tsv", ".txt", ".dat", ".lvm", ".csv.gz", ".tsv.gz", ".txt.gz", ".dat.gz")
 SHEETS = (".xlsx", ".xls", ".ods")
 _NAMES_OF_COLUMNS = ("names", "columns", "header", "headers", "labels", "channels", "varnames")
 _CELL = re.compile(rb'\br="([A-Z]{1,4})(\d{1,9})"')

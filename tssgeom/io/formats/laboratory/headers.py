@@ -8,6 +8,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+from tssgeom.errors import listed
+from tssgeom.io.formats.laboratory.names import meaning_of
 from tssgeom.io.formats.laboratory.raw import Row, is_data
 from tssgeom.io.formats.laboratory.trackers import Export, export_of, filled, padded, rows_of_header
 from tssgeom.io.formats.laboratory.units import LENGTH, unit_of
@@ -76,7 +78,9 @@ def _header_of(path: Path, rows: Sequence[Row], count: int) -> Header:
     units = cells[-1] if has_units else []
     read = {own, *above[-1:]} if has_units else {own}
     if not _needs_others(rows[own].cells):
-        return Header(rows[own].cells, units, first, frozenset(read))
+        named, over = _named_above(rows, own, count)
+        notes = (f"{listed([*map(repr, over)])} named one row above the others",) if over else ()
+        return Header(named, units, first, frozenset({*read, own - bool(over)}), notes=notes)
     upper = [k for k in range(own) if 2 * len(rows[k].cells) > count and not rows[k].comment]
     upper = [k for k in upper if sum(map(bool, rows[k].cells)) > 1]
     names, used = _joined(rows, own, upper, count)
@@ -90,6 +94,16 @@ def _needs_others(names: Sequence[str]) -> bool:
     """Whether a row alone does not name the columns: a name is there twice, or the first one alone is."""
     filled = [name.lower() for name in names if name]
     return len(set(filled)) < len(filled) or (len(names) > 2 and [k for k, n in enumerate(names) if n] == [0])
+
+
+def _named_above(rows: Sequence[Row], own: int, count: int) -> tuple[list[str], list[str]]:
+    """Return the names of a row, and in its empty cells those one row above that a reader may know."""
+    names = list(rows[own].cells)
+    over = rows[own - 1].cells if own and not rows[own - 1].comment and "" in names else []
+    taken = [k for k, name in enumerate(padded(over, count)) if not names[k] and meaning_of(name)]
+    for k in taken:
+        names[k] = over[k]
+    return names, [names[k] for k in taken]
 
 
 def _joined(rows: Sequence[Row], own: int, upper: list[int], count: int) -> tuple[list[str], list[int]]:

@@ -32,6 +32,7 @@ from tssgeom.io.formats.laboratory.trackers import exported_lines
 from tssgeom.io.formats.paths import require_lines, require_room, room
 
 _COMMENTS = ("#", "%", "//", "!", "*")
+_LABVIEW, _END_OF_HEADER = "LabVIEW Measurement", "***End_of_Header***"
 _SPACES = " "
 _SEPARATORS = {"\t": "tabs", ";": "semicolons", ",": "commas", "|": "bars", _SPACES: "spaces"}
 EXPECTED = "write a header such as x_mm,y_mm,z_mm or time_s,tension_in_N,tension_out_N, comma-separated"
@@ -74,6 +75,8 @@ def read_text(path: Path, raw: bytes) -> RawTable:
     lines = [(number, line) for number, line in enumerate(re.split(r"\r\n|\r|\n", text), 1) if line.strip()]
     if not lines:
         raise ShapeError(f"{path}: line 1 is empty: {EXPECTED}")
+    lines, labview = _below_headers_of_labview(path, lines)
+    notes += labview
     lines, head = exported_lines(lines)
     form = _form(path, lines[head:])
     if form.separator != ",":
@@ -91,6 +94,32 @@ def read_text(path: Path, raw: bytes) -> RawTable:
             return finished(RawTable(names, columns, units, number, "line", notes=tuple(notes)), header)
     every = [_row(number, line, form) for number, line in lines]
     return table_of(path, every, form.count, form.decimal, "line", notes)
+
+
+def _below_headers_of_labview(
+    path: Path, lines: Sequence[tuple[int, str]]
+) -> tuple[Sequence[tuple[int, str]], list[str]]:
+    """Return the table below the headers that LabVIEW writes into a measurement, and a note where it does.
+
+    Raises ShapeError where there are several tables.
+    """
+    if not lines[0][1].startswith(_LABVIEW):
+        return lines, []
+    heads = [k for k, (_, line) in enumerate(lines) if line.startswith(_END_OF_HEADER)]
+    if len(heads) > 2:
+        where = lines[heads[2]][0]
+        raise ShapeError(f"{path}: line {where}: LabVIEW wrote several segments: save each in its own file")
+    if not heads or heads[-1] + 1 == len(lines):
+        return lines, []
+    (number, first), *data = lines[heads[-1] + 1 :]
+    mark = "\t" if "\t" in first else ","
+    head = {key: cells for key, *cells in (line.split(mark) for _, line in lines[: heads[-1]])}
+    names = first.split(mark)
+    if head.get("X_Dimension", [""])[0] == "Time":
+        names[0] = names[0].replace("X_Value", "time_s")
+    for k, unit in enumerate(head.get("Y_Unit_Label", [])[: len(names) - 1], start=1):
+        names[k] += f" [{unit}]" if unit else ""
+    return [(number, mark.join(names)), *data], ["LabVIEW's headers left out"]
 
 
 def decoded(path: Path, raw: bytes) -> tuple[str, list[str]]:
