@@ -1,5 +1,6 @@
 """Tables of curvatures that a fibre sensed."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -97,13 +98,15 @@ def test_a_unit_that_is_missing_or_mixed_is_refused_with_the_hint(tmp_path, head
     assert reason in str(refused.value)
 
 
-def test_a_column_that_may_hold_the_stations_is_named_with_the_option_that_accepts_it(tmp_path):
-    text = "Position [mm],kappa_x_per_m,kappa_y_per_m\n" + rows(S, *BEND.T)
-    with pytest.raises(ShapeError, match=r'--map "Position \[mm\]=s_mm"'):
+@pytest.mark.parametrize(("name", "factor"), [("Position [mm]", 1.0), ("Pos [cm]", 10.0)])
+def test_a_column_that_may_hold_the_stations_is_named_with_the_option_that_accepts_it(tmp_path, name, factor):
+    text = f"{name},kappa_x_per_m,kappa_y_per_m\n" + rows(S, *BEND.T)
+    with pytest.raises(ShapeError, match=re.escape(f'--map "{name}=s_mm"')):
         opened(tmp_path, text)
-    mapped = ColumnMap(["Position [mm]=s_mm"])
+    mapped = ColumnMap([f"{name}=s_mm"])
     (frame,) = frames(open_recording(tmp_path / "fibre.csv", None, mapped))
-    np.testing.assert_array_equal(frame.stations, S / 1000.0)
+    assert frame.stations is not None
+    np.testing.assert_allclose(frame.stations, factor * S / 1000.0, rtol=1e-12)
 
 
 @pytest.mark.parametrize(("unit", "value"), [("m", 0.15), ("mm", 0.00015)])
@@ -127,3 +130,8 @@ def test_unit_option_is_for_the_stations(tmp_path):
     (frame,) = frames(opened(tmp_path, "s,kappa_x_per_m,kappa_y_per_m\n" + rows(S, *BEND.T), "mm"))
     np.testing.assert_array_equal(frame.stations, S / 1000.0)
     np.testing.assert_array_equal(frame.curvatures, BEND)
+
+
+def test_gratings_side_by_side_are_refused_with_the_form_that_is_read(tmp_path):
+    with pytest.raises(ShapeError, match="need a row for each grating, under s_mm,kappa_x_per_m"):
+        opened(tmp_path, "time_s,Curvature 1 [1/cm],Curvature 2 [1/cm],Angle 1 [deg]\n0,1,2,3\n1,1,2,3\n")

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tssgeom import Frame, read
+from tssgeom.io.formats.files import open_recording
 
 ROUTE = np.array([[600.0 * np.sin(k / 9), 600.0 * (1 - np.cos(k / 9)), -1500.0] for k in range(8)])
 """[mm]; as far from the tracker as they usually are."""
@@ -70,3 +71,15 @@ def test_points_far_from_the_origin_stay(tmp_path):
     lost, notes = lost_in(tmp_path, text)
     assert lost == [[], [], [], []]
     assert not notes
+
+
+@pytest.mark.parametrize("names", ["x_mm,y_mm,z_mm", "X [mm],Y [mm],Z [mm]"])
+@pytest.mark.parametrize(("flag", "no", "yes"), [("valid", "0", "1"), ("Is tracked", "False", "True")])
+def test_points_that_were_not_tracked_have_a_warning(tmp_path, names, flag, no, yes):
+    path = tmp_path / "shape.csv"
+    rows = [f"{k},{k * k},0" for k in range(5)]
+    path.write_text("\n".join([f"{names},{flag}", *(f"{row},{yes}" for row in rows)]))
+    assert not open_recording(path).warnings
+    path.write_text("\n".join([f"{names},{flag}", f"{rows[0]},{no}", *(f"{row},{yes}" for row in rows[1:])]))
+    (warning,) = open_recording(path).warnings
+    assert warning.startswith(f"{flag} is {no.lower()} in 1 line, whose points are read all the same: empty")

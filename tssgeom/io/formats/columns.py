@@ -78,6 +78,7 @@ OF_MACHINE = _machine_channels(with_targets=True)
 
 _MEASUREMENTS = ("tension", "displacement", "elongation", "temperature", "time", "noise", "curvature_noise")
 _EXPECTED = "the first line must be a header such as x_mm,y_mm,z_mm"
+_GRATINGS = "curvatures of a fibre need a row for each grating, under s_mm,kappa_x_per_m,kappa_y_per_m"
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,10 +154,10 @@ def _with_stations(names: Sequence[str]) -> str:
     """Return how the stations of a fibre are stated, with a column that may hold them."""
     known = {TIME, POINT, *MEASURED, *OF_MACHINE}
     others = [name for name in names if name not in known and not name.startswith(BENDS)]
-    lengths = [name for name in others if re.search(r"[\[(_ ]m{1,2}[\])]?$", name)]
+    lengths = [name for name in others if re.search(r"[\[(_ ][cm]?m[\])]?$", name)]
     if not lengths:
         return "add a column s_mm or s_m, the arc length"
-    unit = "mm" if "mm" in lengths[0] else "m"
+    unit = "mm" if re.search("[cm]m", lengths[0]) else "m"
     return f'add a column s_mm or s_m, the arc length, or state which it is: --map "{lengths[0]}=s_{unit}"'
 
 
@@ -199,7 +200,9 @@ def _only(path: Path, names: Sequence[str], quantity: str) -> str:
     if len(fitting) > 1:
         raise ShapeError(f"{path}: mixed units: columns {' and '.join(fitting)} are both there: keep one")
     if not fitting:
-        raise ShapeError(f"{path}: no column {quantity}_mm or {quantity}_m in {_quoted(names)}: {_EXPECTED}")
+        bends = sum("curv" in name.lower() or "kappa" in name.lower() for name in names) > 1
+        expected = _GRATINGS if bends else _EXPECTED
+        raise ShapeError(f"{path}: no column {quantity}_mm or {quantity}_m in {_quoted(names)}: {expected}")
     return fitting[0]
 
 

@@ -91,6 +91,8 @@ _OF_MACHINES = {
     CURRENT: ("current", _set("current strom i")),
 }
 _FRAMES = _set("frame frames sample samples")
+FLAG = re.compile(r"(is[ _]?)?(valid|tracked|visible)(?![a-z]).*", re.IGNORECASE)
+"""Name of a column that says whether a point was tracked."""
 _AXIS_FILLERS = _set("position pos coordinate coord coordinates marker point p koordinate")
 _STATIONS = frozenset(("s", "arclength", "station", "arc length", "curve length", "bogenlänge"))
 _JOINED = (
@@ -163,8 +165,8 @@ def split_unit(name: str) -> tuple[str, Unit | None]:
 
 
 def is_inert(name: str) -> bool:
-    """Whether a column is neither read nor resembles what is."""
-    return meaning_of(name) is None and stamp_part(name) is None
+    """Whether a column is neither read nor resembles what is, and says nothing of what is read."""
+    return meaning_of(name) is None and stamp_part(name) is None and not FLAG.fullmatch(name)
 
 
 def stamp_part(name: str) -> tuple[str, str] | None:

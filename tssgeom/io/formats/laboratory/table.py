@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -15,7 +15,7 @@ from tssgeom.io.formats.columns import AXES, POINT, TIME
 from tssgeom.io.formats.laboratory.channels import Resolved
 from tssgeom.io.formats.laboratory.files import raw_tables
 from tssgeom.io.formats.laboratory.mapping import NO_MAP, ColumnMap, Mapped
-from tssgeom.io.formats.laboratory.names import stamp_part
+from tssgeom.io.formats.laboratory.names import FLAG, stamp_part
 from tssgeom.io.formats.laboratory.raw import RawTable
 from tssgeom.io.formats.laboratory.resolve import marker_numbers, resolved
 from tssgeom.io.formats.laboratory.units import Unit
@@ -82,6 +82,7 @@ def laboratory_table(path: Path, columns: ColumnMap = NO_MAP, unit: str | None =
     faults = {k: table.faults[row] for k, row in enumerate(rows.tolist()) if row in table.faults}
     warnings = [*result.warnings]
     if result.is_points:
+        warnings += _not_tracked(table)
         values = _numbered(file, values, result, rows, notes, warnings)
     taken = {*result.suggested, *result.values}
     return LaboratoryTable(
@@ -176,6 +177,21 @@ def _numbered(
             _require_one_route(file, name, [*map(_word, np.asarray(labels)[rows].tolist())], values)
             notes.append(f"markers in the order of the rows, not of {name}")
     return values
+
+
+def _not_tracked(table: RawTable) -> Iterator[str]:
+    """Warn of rows with points that were not tracked, by columns that no reader reads."""
+    for name, column in zip(table.names, table.columns, strict=True):
+        if not FLAG.fullmatch(name):
+            continue
+        words = isinstance(column, list)
+        lost = np.array([cell.strip().lower() == "false" for cell in column]) if words else column == 0.0
+        if count := len(np.unique(table.number[lost])):
+            rows = f"{count} {table.number_name}{'s' * (count > 1)}"
+            yield (
+                f"{name} is {'false' if words else '0'} in {rows}, whose points are read all the same: "
+                "empty the coordinates of points that were not tracked"
+            )
 
 
 def _word(label: str | float) -> str:
