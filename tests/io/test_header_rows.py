@@ -173,8 +173,9 @@ def test_without_a_column_of_time_qtms_rows_are_counted(tmp_path):
     require_points(recording, 1.0, (1, 2))
 
 
-def test_bodies_of_qtm_are_refused_with_what_to_export(tmp_path):
-    lines = [line.replace("\t3D", "\t6D") for line in qtm(True, True, "")]
+@pytest.mark.parametrize("key", ["MARKER_NAMES", "BODY_NAMES"])
+def test_bodies_of_qtm_are_refused_with_what_to_export(tmp_path, key):
+    lines = [line.replace("\t3D", "\t6D").replace("MARKER_NAMES", key) for line in qtm(True, True, "")]
     with pytest.raises(ShapeError, match="QTM exported 6D: export 3D data as TSV, with its header"):
         open_recording(written(tmp_path / "m.tsv", lines, []))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -280,8 +281,10 @@ def _times(path: Path, time: Vector) -> Vector:
     late = np.flatnonzero(~(np.diff(time) > 0))
     if not np.isfinite(time).all() or len(late):
         row = int(late[0]) + 1 if len(late) else int(np.argmin(np.isfinite(time)))
+        back = time[row - 1] - time[row] if len(late) else math.nan
+        before = f", {back:g} s before the row above" if back > 0.0 else ", as above" if back == 0.0 else ""
         raise SettingsError(
-            f"{path}: row {row + 1}: {TIME} is {time[row]:g}: times must be finite and increase"
+            f"{path}: row {row + 1}: {TIME} is {time[row]:g}{before}: times must be finite and increase"
         )
     return read_only(time)
 

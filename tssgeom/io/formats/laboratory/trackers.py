@@ -17,7 +17,7 @@ from tssgeom.io.formats.laboratory.wide import FEWEST_POINTS
 
 _AXES = ("X", "Y", "Z")
 _MOTIVE, _VICON = "Format Version", "Trajectories"
-_FRAME, _MARKERS = "Frame", "MARKER_NAMES"
+_FRAME, _MARKERS, _BODIES = "Frame", "MARKER_NAMES", "BODY_NAMES"
 _FRAMES_OF_VICON = (["Frame", "Sub Frame"], ["Frame", "Subframe"])
 _ROWS_OF_VICON = 5
 _MOST_ROWS = 64
@@ -63,8 +63,8 @@ def rows_of_header(rows: Sequence[Sequence[str]]) -> int:
         return 1 + keys.index(_FRAME)
     if title == _VICON and len(keys) >= _ROWS_OF_VICON and rows[3][:2] in _FRAMES_OF_VICON:
         return _ROWS_OF_VICON
-    if title in _QTM and _MARKERS in keys:
-        return 1 + max(keys.index(key) for key in (_MARKERS, "TRAJECTORY_TYPES") if key in keys)
+    if title in _QTM and (named := [key for key in (_MARKERS, _BODIES, "TRAJECTORY_TYPES") if key in keys]):
+        return 1 + max(map(keys.index, named))
     return 0
 
 
@@ -128,7 +128,7 @@ def _of_vicon(path: Path, head: Sequence[list[str]], count: int) -> Export:
 def _of_qtm(path: Path, head: Sequence[list[str]], count: int) -> Export:
     """Rows: a key and its values each; below them, as the user chose, the names of the columns."""
     held = {row[0]: [cell for cell in row[1:] if cell] for row in head}
-    if (included := held.get("DATA_INCLUDED", ["3D"])) != ["3D"]:
+    if (included := held.get("DATA_INCLUDED", ["3D"])) != ["3D"] or _MARKERS not in held:
         raise ShapeError(f"{path}: QTM exported {' '.join(included)}: export 3D data as TSV, with its header")
     markers = held[_MARKERS]
     wanted = [(name, axis) for name in markers for axis in _AXES]
