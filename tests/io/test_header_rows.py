@@ -302,3 +302,22 @@ def test_ends_below_quantities_leave_the_time_its_name(tmp_path):
     assert read.tension_out[0] == 5.0
     assert read.displacement_in is not None
     np.testing.assert_allclose(read.displacement_in, 1e-3 * np.arange(6))
+
+
+@pytest.mark.parametrize("mark", ["#", "# ", "% ", "// "])
+def test_a_row_that_is_a_comment_is_left_out_and_counted(tmp_path, mark):
+    rows = [",".join(row) for row in cells(POINTS[:1].transpose(1, 0, 2))]
+    path = written(tmp_path / "a.csv", ["x_mm,y_mm,z_mm"], [*rows[:2], f"{mark}999,99,9", *rows[2:]])
+    recording = open_recording(path)
+    (frame,) = frames_of(recording)
+    np.testing.assert_allclose(frame.points, POINTS[0] / 1e3)
+    assert "1 row in comments not read" in recording.notes
+
+
+@pytest.mark.parametrize("row", ["*,*,*", "***;***;***"])
+def test_marks_of_a_lost_point_are_no_comment(tmp_path, row):
+    mark = row.strip("*")[0]
+    rows = [mark.join(each) for each in cells(POINTS[:1].transpose(1, 0, 2))]
+    path = written(tmp_path / "a.csv", [mark.join(("x_mm", "y_mm", "z_mm"))], [*rows, row])
+    with pytest.raises(ShapeError, match=r"line 7: x_mm is '\*+': write a number or leave it empty"):
+        open_recording(path)

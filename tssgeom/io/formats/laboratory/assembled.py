@@ -34,10 +34,12 @@ def table_of(
     names = header.names
     before = [row for k, row in enumerate(rows[: header.first]) if k not in header.rows and not row.comment]
     every = [*notes, *([f"{len(before)} lines before the table are not read"] if before else [])]
-    kept, number, faults, repeated = list[list[str]](), list[int](), dict[int, str](), 0
+    kept, number, faults = list[list[str]](), list[int](), dict[int, str]()
+    repeated, commented = 0, 0
     for row in rows[header.first :]:
         cells = row.cells
-        if row.comment and not (len(cells) == count and is_data(cells)):
+        if row.comment:
+            commented += len(cells) == count and is_data(cells)
             continue
         if cells == names:
             repeated += 1
@@ -49,6 +51,8 @@ def table_of(
             cells = (cells + [""] * count)[:count]
         kept.append(cells)
         number.append(row.number)
+    if commented:
+        every.append(f"{commented} row{'s' * (commented > 1)} in comments not read")
     if repeated:
         every.append(f"{repeated} repeated headers are not read")
     columns = list[Column]()

@@ -36,6 +36,8 @@ _LABVIEW, _END_OF_HEADER = "LabVIEW Measurement", "***End_of_Header***"
 _SPACES = " "
 _SEPARATORS = {"\t": "tabs", ";": "semicolons", ",": "commas", "|": "bars", _SPACES: "spaces"}
 EXPECTED = "write a header such as x_mm,y_mm,z_mm or time_s,tension_in_N,tension_out_N, comma-separated"
+_NO_VALUES = re.compile(r"\*+\s*([,;|\t]\s*\**\s*)+")
+"""A row of marks for what is lost, which begins as a comment may."""
 _SIGN = re.compile("\N{MINUS SIGN}(?=[\\d.,])")
 """The minus sign of Unicode before a number, which some locales write."""
 _BEGINS = {b"PK\x03\x04": ".xlsx", b"\xd0\xcf\x11\xe0": ".xls", b"PAR1": ".parquet", b"\x93NUMPY": ".npy"}
@@ -172,7 +174,8 @@ def _encodings(raw: bytes) -> tuple[str, ...]:
 
 def _is_comment(line: str) -> bool:
     text = line.lstrip(' "')
-    return text.startswith(_COMMENTS) and not text.lower().startswith(ERRORS)
+    lost = _NO_VALUES.fullmatch(text) is not None
+    return text.startswith(_COMMENTS) and not lost and not text.lower().startswith(ERRORS)
 
 
 def _row(number: int, line: str, form: Form) -> Row:
