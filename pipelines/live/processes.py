@@ -255,7 +255,7 @@ class StateFeed:
     def take(self, result: FrameResult, now: float) -> None:
         """Take in an answered frame."""
         self._newest = result.carried
-        if now >= self._due:
+        if now >= self._due and not self.process.waiting:  # an older state would delay the newest one
             self.flush()
             self._due = now + _LIMITS.state_interval
 

@@ -17,14 +17,15 @@ import rerun_cli
 from rerun.chunk import RrdReader
 
 from pipelines.live.messages import packed
-from pipelines.live.processes import SideProcess, await_ready, finish_all
+from pipelines.live.processes import SideProcess, StateFeed, await_ready, finish_all
 from tests.live.peers import frame, half_circle, next_answer
 from tests.live_process import PATIENCE, Reader, line, live
 from tssgeom.engine import process
 from tssgeom.io.formats.files import open_recording
-from tssgeom.io.formats.states import read_state, write_state
+from tssgeom.io.formats.states import origin_of, read_state, write_state
 from tssgeom.rig import Rig, read_rig
 from tssgeom.stream import Frame, FrameResult
+from tssgeom.tendon.machine_stream import CarriedMachine
 
 SAMPLE = Path(__file__).parents[2] / "sample_shapes" / "insertion.jsonl"
 HERE = "127.0.0.1"
@@ -180,6 +181,27 @@ def test_messages_that_a_slow_recording_loses_are_reported_without_asking(tmp_pa
     assert "unfinished" in unfinished
 
 
+def test_states_that_a_slow_disk_delays_are_no_loss_and_the_newest_is_kept(tmp_path):
+    lines: list[str] = []
+    frames = (Frame(half_circle() / 1e3, float(k), tension_in=3.0 + k) for k in range(20))
+    *results, last = [one for one in process(frames, Rig(), tension_in=3.0) if isinstance(one, FrameResult)]
+    with selectors.DefaultSelector() as selector:
+        saver = SideProcess(selector, "save", [str(tmp_path / "state.json")], lines.append)
+        await_ready(selector, [saver], print)
+        feed = StateFeed(saver, origin_of(Rig()))
+        os.kill(saver.pid, signal.SIGSTOP)
+        for k in range(20_000):
+            feed.take(results[k % len(results)], float(k))
+        assert saver.waiting
+        feed.take(last, 20_000.0)
+        feed.finish()
+        assert finish_all(selector, [saver])
+    assert lines == []
+    kept = read_state(tmp_path / "state.json")
+    assert not isinstance(kept, CarriedMachine)
+    assert kept.tension_in == 22.0
+
+
 def test_a_source_that_dies_and_returns_is_served_again(shared):
     stream = shared.stream
     for i in range(3):
@@ -230,7 +252,7 @@ def test_the_end_of_a_process_that_has_no_more_to_do_is_no_failure_and_its_death
     said = list[str]()
     with selectors.DefaultSelector() as selector:
         saver = SideProcess(selector, "save", [str(tmp_path / "tendon.json")], said.append)
-        await_ready(selector, [saver], said.append)
+        await_ready(selector, [saver], print)
         if dies:
             os.kill(saver.pid, signal.SIGSTOP)
         saver.end_messages()
