@@ -78,12 +78,14 @@ def test_no_help_has_a_unit_that_the_terminal_takes_for_a_style():
     assert [text for text in helps if Text.from_markup(text).plain != text] == []
 
 
-def test_the_newest_released_entry_of_the_changelog_is_the_version():
-    text = re.search(r"^version: (\S+)$", (ROOT / "CITATION.cff").read_text(), re.MULTILINE)
-    newest = re.search(r"^## (?!Unreleased)(\S+)", (ROOT / "CHANGELOG.md").read_text("utf-8"), re.MULTILINE)
-    assert text is not None
-    assert newest is not None
-    assert newest[1] == text[1]
+def test_documents_state_the_version_and_its_date_alike():
+    cited = dict(re.findall(r"^(version|date-released): (\S+)$", (ROOT / "CITATION.cff").read_text(), re.M))
+    (newest, day), *_ = re.findall(
+        r"^## (\d\S+) \((\S+)\)$", (ROOT / "CHANGELOG.md").read_text("utf-8"), re.M
+    )
+    assert (newest, day) == (cited["version"], cited["date-released"])
+    (mended,) = re.findall(r"^\| (\S+) \| yes \|$", (ROOT / "SECURITY.md").read_text("utf-8"), re.M)
+    assert mended == newest.rpartition(".")[0]
 
 
 def test_help_of_analyse_has_the_default_tension(run):
