@@ -1,4 +1,4 @@
-"""Bars of a tendon for tests: routes, rigs, and steps with laws that no rig has."""
+"""Bars of a tendon for tests: routes, rigs, and laws that no rig has."""
 
 import math
 
@@ -6,14 +6,12 @@ import numpy as np
 from hypothesis import settings
 from hypothesis import strategies as st
 
-from tssgeom import core
 from tssgeom.core.constants_tendon_rows import LAW, PLANT
 from tssgeom.effects import Setup
 from tssgeom.rig import Friction, Load, Rig, Tendon
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.bars.bar_state import pretensioned_bars
-from tssgeom.tendon.bars.base import after_step, one_drive, step
-from tssgeom.tendon.bars.contact_grid import discretise
+from tssgeom.tendon.bars.base import one_drive, step, step_on
 from tssgeom.tendon.bars.plant import Plant, plant
 
 MU, RHO, PI = 0.145, 3.16e-4, math.pi  # the paper's tendon and sheath, section III-B
@@ -55,28 +53,16 @@ def driven(history, arcs, hardware, bars=60):
     return state
 
 
+def blocked(state, arcs, hardware, *, stretches_with_route=True, **drive):
+    """Step a tendon whose distal end is fixed, which no rig states."""
+    goal = one_drive(drive.get("tension_in"), drive.get("displacement_in"))
+    return step_on(state, (arcs, arcs), hardware, math.inf, goal, stretches_with_route, math.inf)[0]
+
+
 def plant_on(state, arcs, stiffness=1000.0, pretension=0.0, friction=MU, **numbers):
     """Laws of bars and contacts on a route; `numbers` are those of `Setup`."""
     setup = Setup(friction, RHO, pretension, stiffness, **numbers)
     return plant(setup, arcs, state.edge)
-
-
-def growth_on(state, arcs, laws, strain, stretches_with_route):
-    """[n+2] What a longer path and a strain of each bar add to its stretch [m]; docs/model.md (40)."""
-    length, growth = discretise(state.edge, arcs).length, np.zeros(len(state.tension))
-    share = 1 - state.length / arcs.total_length if stretches_with_route else 0.0
-    growth[1:-1] = share * (length - (laws.rows[LAW.soft] * state.tension)[1:-1]) - strain * length
-    return growth
-
-
-def stepped(state, arcs, laws, *, stretches_with_route=True, strain=0.0, **drive):
-    """Step with any laws of bars and contacts; a longer route stretches the tendon."""
-    goal, by_force = one_drive(drive.get("tension_in"), drive.get("displacement_in"))
-    growth = growth_on(state, arcs, laws, strain, stretches_with_route)
-    memory, position = state.memory.block, state.displacement_in
-    code, block, ends = core.step_laws(len(state.edge), memory, laws.block, growth, goal, by_force, position)
-    ends[4] = arcs.total_length
-    return after_step(state, code, block, ends.tolist(), (goal, by_force))
 
 
 def with_laws(laws, **changed):
@@ -88,9 +74,3 @@ def with_laws(laws, **changed):
         else:
             result.set(getattr(PLANT, name), values)
     return result
-
-
-def with_cone(laws, pulling, releasing, force):
-    """Give each contact other friction: exponents on a pull and on a release [1], and a force [N]."""
-    sides = {"low": np.exp(-pulling), "high": np.exp(releasing)}
-    return with_laws(laws, pulling=pulling, releasing=releasing, force=force, **sides)

@@ -81,12 +81,6 @@ def test_position_against_a_fixed_end(route):
     assert_same(Case(*route, "displacement", *POSITIONS, BLOCKED))
 
 
-@both_drives
-@both_ends
-def test_springs_in_series_at_both_ends(kind, end):
-    assert_same(Case(*STRAIGHTS, kind, *STAIRS[kind], end, series=(2e-5, 3e-5)))
-
-
 def test_a_tendon_without_pretension():
     assert_same(Case(*STRAIGHTS, "force", [0, 1, 2, 3], [0.0, 12.0, 5.0, 9.0], pretension=0.0))
     assert_same(Case(*STRAIGHTS, "displacement", [0, 1, 2, 3], np.array([0, 2, 0.5, 2]) * MM, pretension=0.0))
@@ -156,22 +150,3 @@ def test_noise_of_the_path_length_leaves_no_drift(end):
     lengths, angles = np.array(STRAIGHTS[0]) * (1 + noise), [STRAIGHTS[1]] * 401
     case = Case(lengths, angles, "displacement", [0, 1, 400], [0.0, 2 * MM, 2 * MM], end, frames)
     assert_same(case, max_step=1.0)
-
-
-# --- strain other than by tension ---------------------------------------------------------------------------
-
-
-@both_drives
-@both_ends
-@pytest.mark.parametrize("angles", [WANDER[:1] * 6, WANDER], ids=["fixed", "wandering"])
-def test_creep(kind, end, angles):
-    elements = ((0.1, 0.5), (0.2, 5.0))
-    assert_same(Case(FOUR, angles, kind, *STAIRS[kind], end, EVERY_2_S, creep=elements))
-
-
-@both_drives
-@both_ends
-@pytest.mark.parametrize("angles", [WANDER[:1] * 6, WANDER], ids=["fixed", "wandering"])
-def test_heat(kind, end, angles):
-    celsius = [20.0, 20.0, 40.0, 40.0, 15.0]
-    assert_same(Case(FOUR, angles, kind, *STAIRS[kind], end, EVERY_2_S, celsius=celsius))

@@ -55,3 +55,23 @@ def test_newton_and_nested_iteration_find_the_equilibrium_of_the_slow_twin(seed,
     np.testing.assert_allclose(
         tension, expected, atol=1e-8
     )  # the twin stops at 1e-17 m and creeps by 1e-2 a sweep
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_bars_of_which_some_are_slack_obey_cone_and_signs(seed):
+    """Constant friction holds tension between slack bars; the hardest case for the solver."""
+    rng = np.random.default_rng(seed)
+    trial, stiffness, cone = random_chain(rng, 40)
+    trial = np.sin(np.arange(42) * rng.uniform(0.1, 0.3)) * 6.0 + rng.normal(0.0, 4.0, 42)
+    cone[2] *= 30.0
+    free = (True, True, 0.0)
+    _, tension, (w, _), residual = core.equilibrium(trial, stiffness, cone, *free, False, np.zeros(41), 6, 10)
+    assert residual <= 1e-9 * np.max(tension)
+    moved = np.concatenate(([0.0], w, [0.0]))
+    np.testing.assert_allclose(tension[1:-1], np.maximum(trial + stiffness * -np.diff(moved), 0.0)[1:-1])
+    low, high, force = cone[:3]
+    over, under = tension[1:] - high * tension[:-1] - force, low * tension[:-1] - force - tension[1:]
+    assert max(over[1:-1].max(), under[1:-1].max()) < 1e-7
+    assert (np.abs(under)[1:-1][w[1:-1] > 1e-12] < 1e-7).all()
+    assert (np.abs(over)[1:-1][w[1:-1] < -1e-12] < 1e-7).all()
+    assert (tension == 0.0).sum() > 3

@@ -1,7 +1,6 @@
 /* One step of a tendon without memory of effects, whose bars follow the sensed length of any route.
 
-   It is the equilibrium nearest to the old bars, with laws of bars that are not curved; docs/model.md
-   (40)-(49). */
+   It is the equilibrium nearest to the old bars; docs/model.md (40)-(49). */
 #include "tendon_bars.h"
 
 #include <string.h>
@@ -29,9 +28,7 @@ static int hangs_loose(
     const bar_laws *laws, bar_memory *memory, const double given[], int by_force, double target,
     double room[]) {
     int64_t n = laws->k - 1;
-    if (laws->load == 0.0 || (by_force ? target > 0.0 : laws->soft[0] > 0.0)) return 0;
-    for (int64_t i = 0; i <= n; i++)
-        if (laws->force[i] > 0.0 || laws->drag[i] > 0.0) return 0;
+    if (laws->load == 0.0 || (by_force && target > 0.0)) return 0;
     room[n] = laws->soft[n + 1] == 0.0 ? 0.0 : -given[n + 1]; /* the most that each contact may move [m] */
     for (int64_t i = n; i > 0; i--) room[i - 1] = room[i] - given[i];
     double lowest = by_force ? -INFINITY : target;
@@ -51,18 +48,15 @@ static void
 set_ends(const bar_laws *laws, const bar_memory *memory, const double given[], double load, double ends[3]) {
     const double *tension = memory->tension, *moved = memory->displacement;
     int64_t n = laws->k - 1;
-    double elongation = 0.0, series = laws->soft[n + 1];
+    double elongation = 0.0;
     for (int64_t j = 1; j <= n; j++) {
         elongation += laws->soft[j] * (tension[j] - laws->pretension); /* docs/model.md (44) */
         if (tension[j] <= 0.0) elongation += least(0.0, moved[j - 1] - moved[j] + given[j]);
     }
     load += moved[n];
-    if (laws->load > 0.0) {
-        series -= 1.0 / laws->load;
-        if (tension[n + 1] <= 0.0 && laws->soft[n + 1] > 0.0) load += most(0.0, -moved[n] - given[n + 1]);
-    }
-    ends[0] = moved[0] + laws->soft[0] * tension[0] - given[0];
-    ends[1] = load - series * (tension[n + 1] - laws->pretension);
+    if (tension[n + 1] <= 0.0 && laws->soft[n + 1] > 0.0) load += most(0.0, -moved[n] - given[n + 1]);
+    ends[0] = moved[0] - given[0];
+    ends[1] = load;
     ends[2] = elongation;
 }
 
@@ -84,12 +78,11 @@ static int64_t advance(
     set_rest(laws, &old, growth, position, memory.rest, given);
     for (int64_t i = 0; i < k; i++) /* displacements are those of this step alone */
         memory.displacement[i] = memory.speed[i] = memory.travel[i] = 0.0;
-    int rigid_in = !by_force && laws->soft[0] == 0.0;
-    if (rigid_in) { /* docs/model.md (45) */
+    if (!by_force) { /* docs/model.md (45) */
         target += given[0];
         memory.tension[0] += (given[1] - laws->soft[1] * old.tension[1]) / laws->soft[1];
     }
-    if (laws->load == INFINITY && laws->soft[n + 1] == 0.0)
+    if (laws->load == INFINITY)
         memory.tension[n + 1] += (given[n] - laws->soft[n] * old.tension[n]) / laws->soft[n];
     int64_t solves = 1;
     double change = 0.0;
@@ -101,7 +94,7 @@ static int64_t advance(
     set_ends(laws, &memory, given, old.displacement[n], ends);
     ends[0] = by_force ? position + ends[0] : drive, ends[3] = (double)solves, ends[6] = memory.slip[0];
     for (int64_t i = 0; i < k; i++) memory.displacement[i] += old.displacement[i];
-    if (rigid_in && memory.tension[0] > 0.0)
+    if (!by_force && memory.tension[0] > 0.0)
         memory.displacement[0] = drive; /* to the last digit: held there, the tendon shall not seem to move */
     memcpy(memory.speed, old.speed, (size_t)k * sizeof(double));
     memcpy(memory.travel, old.travel, (size_t)k * sizeof(double));
@@ -114,22 +107,12 @@ static int64_t no_step(int64_t k, const double *before, double *after, double en
     return code;
 }
 
-int64_t tss_step_laws(
-    int64_t k, const double memory[9 * (k + 1) + 7], const double plant[17 * (k + 1) + 430],
-    const double growth[k + 1], double drive, int64_t by_force, double position,
-    double after[9 * (k + 1) + 7], double ends[9], double work[20][k + 1]) {
-    if (k < 2) return no_step(k, memory, after, ends, NO_EQUILIBRIUM);
-    bar_laws laws = laws_of(k, plant);
-    no_step(k, memory, after, ends, STEPPED);
-    return advance(&laws, memory, growth, drive, (int)by_force, position, after, ends, work[0]);
-}
-
 int64_t tss_step_bars(
     int64_t k, const double edge[k], const double memory[9 * (k + 1) + 7], int64_t p,
     const double before_length[p], const double before_angle[p], const double before_covariance[2 * p][2 * p],
     int64_t q, const double now_length[q], const double now_angle[q],
     const double now_covariance[2 * q][2 * q], int64_t compare, double friction, double compliance,
-    double pretension, double stiffness, double lift, double most_friction, double length_before,
+    double pretension, double stiffness, double most_friction, double length_before,
     double drive, int64_t by_force, double position, double after[9 * (k + 1) + 7], double ends[9],
     double plant[17 * (k + 1) + 430],
     double work[48][k + 1]) {
@@ -156,7 +139,7 @@ int64_t tss_step_bars(
         growth[j] = share * (grid.length[j - 1] - soft[j] * memory[MEMORY.tension * (k + 1) + j]); /* (40) */
     }
     soft[k] = stiffness > 0.0 ? 1.0 / stiffness : 0.0;
-    growth[k] = soft[k] * lift;
+    growth[k] = 0.0;
     number[PLANT.pretension] = pretension, number[PLANT.load] = stiffness, number[PLANT.creep_time] = 1.0;
     number[PLANT.friction] = friction;
     set_contacts(k, plant, grid.angle);

@@ -203,7 +203,7 @@ def _without_effects(
 ) -> tuple[Corners | BarState, Arcs]:
     """Step the tendon of the base model; return it and the route on which it lies."""
     tension_in, displacement_in = drives
-    along, load = state.along, (rig.load.stiffness_N_per_m, 0.0)
+    along, load = state.along, rig.load.stiffness_N_per_m
     if isinstance(along, BarState) and not along.has_effects:
         routes = arcs if state.route is None else state.route, arcs
     else:

@@ -12,11 +12,11 @@ def on_route(old, route, rig_numbers, length_before, drive):
     """Step the bars of the base model; `length_before` [m] is below 0 where no path grows.
 
     `route` is where the bars are cut, and length [m] and angle [rad] of its pieces; `rig_numbers` are
-    friction [1], compliance [1/N], pretension [N], stiffness of the load [N/m] and growth of its force [N];
-    `drive` is as in `advanced`.
+    friction [1], compliance [1/N], pretension [N] and stiffness of the load [N/m]; `drive` is as in
+    `_advanced`.
     """
     edge, piece_length, piece_angle = route
-    friction, compliance, pretension, stiffness, lift = rig_numbers
+    friction, compliance, pretension, stiffness = rig_numbers
     length, _, angle, _ = discretised(edge, piece_length, piece_angle)
     whole, n = np.sum(length), length.size
     none, soft, exponent = np.zeros(n + 2), np.zeros(n + 2), friction * angle  # docs/model.md (41)
@@ -26,7 +26,6 @@ def on_route(old, route, rig_numbers, length_before, drive):
         soft[j + 1] = compliance * length[j]
         growth[j + 1] = share * (length[j] - soft[j + 1] * old[0][j + 1])  # docs/model.md (40)
     soft[n + 1] = 1.0 / stiffness if stiffness > 0.0 else 0.0
-    growth[n + 1] = soft[n + 1] * lift
     plant = Plant(
         soft=soft,
         toe=none,
@@ -61,16 +60,15 @@ def on_route(old, route, rig_numbers, length_before, drive):
         varied=False,
         swift=False,
     )
-    return advanced(plant, old, growth, drive, whole)
+    return _advanced(plant, old, growth, drive, whole)
 
 
-def advanced(plant, old, growth, drive, length):
+def _advanced(plant, old, growth, drive, length):
     """Return the new bars; both ends and the elongation [m]; the length [m]; the solves spent.
 
-    The step is the equilibrium nearest to the old bars, with laws of bars that are not curved. `growth` is
-    by how much each bar is stretched besides: a longer path, less what the bar gained by itself [m]. `drive`
-    is a tension [N] or position [m], whether it is a tension, and the position before [m]. No solve means no
-    equilibrium.
+    The step is the equilibrium nearest to the old bars. `growth` is by how much a longer path stretches each
+    bar [m]. `drive` is a tension [N] or position [m], whether it is a tension, and the position before [m].
+    No solve means no equilibrium.
     """
     goal, by_force, position = drive
     tension, displacement, slip, old_rest = old

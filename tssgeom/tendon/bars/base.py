@@ -51,7 +51,7 @@ def step(
     FitError
         Where there is no equilibrium.
     """
-    drive, load = one_drive(tension_in, displacement_in), (rig.load.stiffness_N_per_m, 0.0)
+    drive, load = one_drive(tension_in, displacement_in), rig.load.stiffness_N_per_m
     return step_on(state, (arcs, arcs), rig, load, drive, stretches_with_route, math.inf)[0]
 
 
@@ -59,15 +59,14 @@ def step_on(
     state: BarState,
     routes: tuple[Arcs, Arcs],
     rig: Rig,
-    load: tuple[float, float],
+    load: float,
     drive: tuple[float, bool],
     stretches_with_route: bool,
     most_friction: float,
 ) -> tuple[BarState, Arcs]:
     """Return the state after a step, and the route on which it lies: the second where the route has moved.
 
-    `load` is its stiffness [N/m] and by how much its force grows [N]; `drive` is a tension [N] or a position
-    [m], and whether it is a tension.
+    `load` is its stiffness [N/m]; `drive` is a tension [N] or a position [m], and whether it is a tension.
 
     Raises
     ------
@@ -92,7 +91,7 @@ def step_on(
         friction,
         tendon.compliance_per_N,
         tendon.pretension_N,
-        *load,
+        load,
         most_friction,
         state.length if stretches_with_route else -1.0,
         goal,
