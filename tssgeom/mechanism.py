@@ -240,6 +240,24 @@ def tip(bending: Matrix, end: End) -> Matrix:
     return np.column_stack([sideways[:, None] * bending, along])
 
 
+OF_TENDON = ("tension_in_N", "tension_out_N", "displacement_in_m", "displacement_out_m")
+OF_MOTOR, OF_CURRENT = ("motor_angle_rad", "motor_torque_Nm"), "motor_current_A"
+OF_END = {
+    "joint": ("joint_angle_rad", "joint_torque_Nm"),
+    "segment": ("bending_x_rad", "bending_y_rad", "tip_x_m", "tip_y_m", "tip_z_m"),
+}
+"""Channels of a machine, the last by the kind of its end; `numbered` names those of several tendons."""
+
+
+def channels_of(drive: Drive, end: End) -> tuple[str, ...]:
+    """Return the channels that a machine may compute, in the order of tables."""
+    count = tendon_count(drive, end)
+    motor = OF_MOTOR if drive.radius_m > 0.0 else ()
+    current = (OF_CURRENT,) if drive.torque_constant_Nm_per_A > 0.0 else ()
+    tendons = (channel for name in OF_TENDON for channel in numbered(name, count))
+    return (*tendons, *motor, *current, *OF_END.get(end.kind, ()))
+
+
 def numbered(name: str, count: int) -> Iterator[str]:
     """Yield the channel of each tendon: `tension_in_N` of one, `tension_in_1_N` … of several."""
     if count == 1:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from tssgeom.effects import named
 from tssgeom.errors import SettingsError
 from tssgeom.frame import Frame
+from tssgeom.mechanism import OF_CURRENT, channels_of
 from tssgeom.plausibility.frames import frame_warnings, given_route_remarks
 from tssgeom.result import Result
 from tssgeom.rig import Rig
@@ -25,7 +26,7 @@ from tssgeom.tendon.command_error import Step, with_rig_errors
 from tssgeom.tendon.commander import Commander, Given, commander_of
 from tssgeom.tendon.machine_commander import Moved, machine_commander_of
 from tssgeom.tendon.machine_simulation import current_notes
-from tssgeom.tendon.machine_stream import CarriedMachine, MachineMoment, channels_of, greatest_pull
+from tssgeom.tendon.machine_stream import CarriedMachine, MachineMoment, greatest_pull
 from tssgeom.tendon.machine_target import name_of, possible_outputs
 from tssgeom.tendon.state import TendonState, pretensioned, transmit_after
 from tssgeom.tendon.transmission import Transmission
@@ -278,7 +279,7 @@ def _readings(frame: Frame, rig: Rig) -> tuple[dict[str, float], tuple[str, ...]
         raise SettingsError(
             f"{wrong[0]} is of another rig: one with end.kind = {rig.end.kind!r} takes {takes}"
         )
-    unknown = sorted(given.keys() - {*channels_of(rig), "motor_current_A", "elongation_m", *targets})
+    unknown = sorted(given.keys() - {*channels_of(rig.drive, rig.end), OF_CURRENT, "elongation_m", *targets})
     notes = (f"{name} is not used: the rig has no such channel" for name in unknown)
     return given, (*notes, *current_notes(given, rig))
 

@@ -14,10 +14,10 @@ import numpy as np
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.effects import KINDS, AnyEffect
 from tssgeom.errors import SettingsError
+from tssgeom.mechanism import channels_of
 from tssgeom.rig import Follow, Rig, Sensor, with_values
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.bars.model import model_of, setup_of
-from tssgeom.tendon.machine_stream import channels_of
 
 RIG_KEYS = (
     "friction.coefficient",
@@ -181,7 +181,7 @@ def _machine_bounds(rig: Rig, key: str) -> tuple[float, float, float] | None:
     table, _, name = key.partition(".")
     if table == "sensors":
         channel, _, name = name.partition(".")
-        if name not in ("zero", "gain") or channel not in channels_of(rig):
+        if name not in ("zero", "gain") or channel not in channels_of(rig.drive, rig.end):
             return None
         lower = -math.inf if name == "zero" else _LEAST_SHARE
         return getattr(rig.sensors.get(channel, Sensor()), name), lower, math.inf

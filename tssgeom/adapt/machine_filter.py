@@ -16,7 +16,7 @@ from tssgeom import core
 from tssgeom.adapt.ensemble import Ensemble
 from tssgeom.adapt.followed import FollowedNumber, with_numbers
 from tssgeom.adapt.machine_lines import MachineNumbers, machine_lines
-from tssgeom.adapt.machine_readings import MachineReadings, Moved, SensorState, channels_read, true_channels
+from tssgeom.adapt.machine_readings import MachineReadings, Moved, SensorState, channels_read, true_values
 from tssgeom.adapt.members import SETTINGS, Rows, Standing
 from tssgeom.adapt.readings import Moment
 from tssgeom.adapt.stepped import Stepped
@@ -191,7 +191,7 @@ class MachineFilter(Ensemble):
             joint = Turning(float(laws.angle[0]), float(direction(laws.angle[:1], joint)[0]), 0.0)
         way = float(self._driving[0].way)
         moved = Moved(ends.reshape(count, self.count, 4), coordinate, motor, laws.angle, way, joint.way)
-        channels = sensed.read(true_channels(self.rig, of, moved), of, self.channels, passed)
+        channels = sensed.read(true_values(self.rig, of, moved), of, self.channels, passed)
         standing = Standing(memory, coordinate, sensed.block, start.position, False, at.time)
         return Stepped(standing, channels, ends, joint)
 

@@ -12,9 +12,9 @@ import numpy as np
 from tssgeom.adapt.machine_lines import MachineNumbers
 from tssgeom.adapt.readings import behind_play, lagged
 from tssgeom.arrays import Matrix, Vector
-from tssgeom.mechanism import held_by, numbered, tip
+from tssgeom.mechanism import channels_of, held_by
 from tssgeom.rig import Rig
-from tssgeom.tendon.machine_stream import channels_of
+from tssgeom.tendon.machine_channels import true_channels
 
 
 class MachineReadings(NamedTuple):
@@ -59,36 +59,22 @@ class Moved:
 
 def channels_read(rig: Rig) -> tuple[str, ...]:
     """Return the channels that a machine may compute, one tendon's elongation too."""
-    names = channels_of(rig)
+    names = channels_of(rig.drive, rig.end)
     return (*names, "elongation_m") if "displacement_in_m" in names else names
 
 
-def true_channels(rig: Rig, of: MachineNumbers, moved: Moved) -> dict[str, Vector]:
+def true_values(rig: Rig, of: MachineNumbers, moved: Moved) -> dict[str, Vector]:
     """Return the true value of each channel [machines], but for the play of the joint."""
-    ends, out = moved.ends, dict[str, Vector]()
-    n = ends.shape[1]
-    for row, name in enumerate(("tension_in_N", "tension_out_N", "displacement_in_m", "displacement_out_m")):
-        for which, channel in enumerate(numbered(name, n)):
-            out[channel] = ends[:, which, row]
-    if n == 1:
-        out["elongation_m"] = out["displacement_in_m"] - out["displacement_out_m"]
+    ends, angles, motor, held = moved.ends, moved.coordinate[:, :2], None, None
     if moved.motor is not None:
         torque = (ends[:, :, 0] * of.arms).sum(axis=1) + of.motor_friction[:, 0] * moved.motor_way
         if rig.end.kind == "carried":
             torque = torque - (ends[:, :, 1] * of.arms).sum(axis=1)
-        out |= {"motor_angle_rad": moved.motor, "motor_torque_Nm": torque}
-        if rig.drive.torque_constant_Nm_per_A > 0.0:
-            out["motor_current_A"] = torque / rig.drive.torque_constant_Nm_per_A
-    if rig.end.kind == "joint":
-        angle = moved.coordinate[:, 0] if moved.given_angle is None else moved.given_angle
-        out["joint_angle_rad"] = angle
-        if moved.given_angle is not None:
-            out["joint_torque_Nm"] = _held_torque(of, ends, angle, moved.joint_way)
-    if rig.end.kind == "segment":
-        bending = moved.coordinate[:, :2]
-        out["bending_x_rad"], out["bending_y_rad"] = bending.T
-        out["tip_x_m"], out["tip_y_m"], out["tip_z_m"] = tip(bending, rig.end).T
-    return out
+        motor = moved.motor, torque
+    if moved.given_angle is not None:
+        angles = moved.given_angle[:, None]
+        held = _held_torque(of, ends, moved.given_angle, moved.joint_way)
+    return true_channels(rig, ends, motor, angles, held)
 
 
 def _held_torque(of: MachineNumbers, ends: np.ndarray, angle: Vector, way: float) -> Vector:

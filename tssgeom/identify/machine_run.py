@@ -18,7 +18,7 @@ from tssgeom.identify.machine_drive_noise import (
 )
 from tssgeom.identify.readings import READING, with_added
 from tssgeom.identify.turning import Legs, legs, turns_between_readings, with_turns
-from tssgeom.mechanism import numbered, tendon_count
+from tssgeom.mechanism import OF_END, OF_MOTOR, OF_TENDON, numbered, tendon_count
 from tssgeom.plausibility.digits import clock_remarks
 from tssgeom.plausibility.kinds import Remark
 from tssgeom.plausibility.limits import LIMITS as PLAUSIBLE
@@ -249,19 +249,11 @@ def turns_apart(run: MachineRun, straight: MachineRun) -> bool:
 
 def answering(rig: Rig, count: int) -> tuple[str, ...]:
     """Return the channels that a machine with so many tendons may answer in."""
-    ends = [*numbered("tension_in_N", count), *numbered("tension_out_N", count)]
-    ends += numbered("displacement_in_m", count)
-    motor = ["motor_angle_rad", "motor_torque_Nm"] if rig.drive.radius_m > 0.0 else []
-    of_end = {
-        "joint": ["joint_angle_rad", "joint_torque_Nm"],
-        "segment": ["bending_x_rad", "bending_y_rad", "tip_x_m", "tip_y_m", "tip_z_m"],
-        "spring": ["displacement_out_m"],
-        "weight": ["displacement_out_m"],
-        "blocked": [],
-        "carried": [],
-    }[rig.end.kind]
-    alone = ["elongation_m"] if count == 1 else []
-    return (*of_end, *motor, *ends, *alone)
+    *ends, load = OF_TENDON
+    of_end = OF_END.get(rig.end.kind, (load,) if rig.end.kind in ("spring", "weight") else ())
+    motor = OF_MOTOR if rig.drive.radius_m > 0.0 else ()
+    alone = ("elongation_m",) if count == 1 else ()
+    return (*of_end, *motor, *(channel for name in ends for channel in numbered(name, count)), *alone)
 
 
 def thinned(run: MachineRun, most: int) -> MachineRun:

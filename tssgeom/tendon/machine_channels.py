@@ -8,7 +8,17 @@ from typing import TypeVar
 import numpy as np
 
 from tssgeom.arrays import Matrix, Vector
-from tssgeom.mechanism import Coordinates, held_by, numbered, per_motor_angle, tip
+from tssgeom.mechanism import (
+    OF_CURRENT,
+    OF_END,
+    OF_MOTOR,
+    OF_TENDON,
+    Coordinates,
+    held_by,
+    numbered,
+    per_motor_angle,
+    tip,
+)
 from tssgeom.rig import Rig
 from tssgeom.tendon.bars.sensors import play
 from tssgeom.tendon.machine import Machine, MachineTrace
@@ -52,43 +62,62 @@ def channels_of(
 
     Where the coordinates are given, what acts on them is an outcome. The history has what is left of each.
     """
-    n, rig, motion, ends = machine.count, machine.rig, machine.coordinates, trace.ends
-    out = dict[str, Vector]()
-    for row, name in enumerate(("tension_in_N", "tension_out_N", "displacement_in_m", "displacement_out_m")):
+    rig, motion, ends = machine.rig, machine.coordinates, trace.ends
+    angles, held = trace.coordinate[:, : motion.distal.shape[1]], None
+    if end_given:
+        angles = np.column_stack([without_zero(run, name, rig) for name in motion.names])
+        held = _outcome(motion, angles, ends, before)[:, 0]
+    turned_by = None if motor is None else (motor, _motor_torque(rig, motor, ends, before.motor))
+    out = true_channels(rig, ends, turned_by, angles, held)
+    if rig.end.kind == "joint":
+        out["joint_angle_rad"] = play(angles[:, 0], rig.end.play_rad, engaged_of(before.joint))
+        history = history._replace(joint=turned(angles[:, 0], out["joint_angle_rad"], before.joint))
+    return read_by_sensors(out, run["time_s"], rig, history, before)
+
+
+def true_channels(
+    rig: Rig, ends: np.ndarray, motor: tuple[Vector, Vector] | None, angles: Matrix, held: Vector | None
+) -> dict[str, Vector]:
+    """Return the true value of each channel by its name, but for the play of the joint.
+
+    Parameters
+    ----------
+    rig
+        The machine.
+    ends
+        [s, n, 4] T_in, T_out [N], x_in, x_out [m] of each tendon.
+    motor
+        [s] Angle [rad] and torque [N·m] of the motor, where there is one.
+    angles
+        [s, m] Coordinates of the end.
+    held
+        [s] What acts on a joint whose angle is given [N·m].
+    """
+    n, out = ends.shape[1], dict[str, Vector]()
+    for row, name in enumerate(OF_TENDON):
         for which, channel in enumerate(numbered(name, n)):
             out[channel] = ends[:, which, row]
     if n == 1:
         out["elongation_m"] = out["displacement_in_m"] - out["displacement_out_m"]
     if motor is not None:
-        out |= _of_motor(rig, motor, ends, before.motor)
-    angles, torque = trace.coordinate[:, : motion.distal.shape[1]], None
-    if end_given:
-        angles = np.column_stack([without_zero(run, name, rig) for name in motion.names])
-        torque = _outcome(motion, angles, ends, before)
+        out |= zip(OF_MOTOR, motor, strict=True)
+        if rig.drive.torque_constant_Nm_per_A > 0.0:
+            out[OF_CURRENT] = motor[1] / rig.drive.torque_constant_Nm_per_A
     if rig.end.kind == "joint":
-        joint = angles[:, 0]
-        out["joint_angle_rad"] = play(joint, rig.end.play_rad, engaged_of(before.joint))
-        history = history._replace(joint=turned(joint, out["joint_angle_rad"], before.joint))
-        if torque is not None:
-            out["joint_torque_Nm"] = torque[:, 0]
+        out |= zip(OF_END["joint"], (angles[:, 0],) if held is None else (angles[:, 0], held), strict=False)
     if rig.end.kind == "segment":
-        out["bending_x_rad"], out["bending_y_rad"] = angles.T
-        out["tip_x_m"], out["tip_y_m"], out["tip_z_m"] = tip(angles, rig.end).T
-    return read_by_sensors(out, run["time_s"], rig, history, before)
+        out |= zip(OF_END["segment"], (*angles.T, *tip(angles, rig.end).T), strict=True)
+    return out
 
 
-def _of_motor(rig: Rig, motor: Vector, ends: np.ndarray, before: Turning | None) -> dict[str, Vector]:
+def _motor_torque(rig: Rig, motor: Vector, ends: np.ndarray, before: Turning | None) -> Vector:
     arms = per_motor_angle(rig.drive, ends.shape[1])
     pulled = ends[:, :, 0] @ arms
     if rig.end.kind == "carried":
         pulled = pulled - ends[:, :, 1] @ arms
-    torque = pulled
-    if rig.drive.friction_Nm > 0.0:
-        torque = pulled + rig.drive.friction_Nm * direction(motor, before)
-    out = {"motor_angle_rad": motor, "motor_torque_Nm": torque}
-    if rig.drive.torque_constant_Nm_per_A > 0.0:
-        out["motor_current_A"] = torque / rig.drive.torque_constant_Nm_per_A
-    return out
+    return (
+        pulled + rig.drive.friction_Nm * direction(motor, before) if rig.drive.friction_Nm > 0.0 else pulled
+    )
 
 
 def _outcome(motion: Coordinates, angles: Matrix, ends: np.ndarray, before: MachineHistory) -> Matrix:

@@ -14,7 +14,7 @@ import numpy as np
 
 from tssgeom.arrays import Vector
 from tssgeom.errors import SettingsError
-from tssgeom.mechanism import numbered, tendon_count
+from tssgeom.mechanism import channels_of, numbered, tendon_count
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
 from tssgeom.route.resolution import NO_ERRORS, SharedErrors
@@ -306,22 +306,6 @@ def greatest_pull(channels: Mapping[str, float]) -> float:
     return max((value for name, value in channels.items() if name.startswith("tension_in")), default=0.0)
 
 
-def channels_of(rig: Rig) -> tuple[str, ...]:
-    """Return the channels that a machine may compute, in the order of tables."""
-    count, names = tendon_count(rig.drive, rig.end), list[str]()
-    for name in ("tension_in_N", "tension_out_N", "displacement_in_m", "displacement_out_m"):
-        names += numbered(name, count)
-    if rig.drive.radius_m > 0.0:
-        names += ["motor_angle_rad", "motor_torque_Nm"]
-    if rig.drive.torque_constant_Nm_per_A > 0.0:
-        names.append("motor_current_A")
-    if rig.end.kind == "joint":
-        names += ["joint_angle_rad", "joint_torque_Nm"]
-    if rig.end.kind == "segment":
-        names += ["bending_x_rad", "bending_y_rad", "tip_x_m", "tip_y_m", "tip_z_m"]
-    return tuple(names)
-
-
 def columns_of(rig: Rig) -> tuple[str, ...]:
     """Return the columns that frames of a machine may have in tables; none of one tendon on a spring.
 
@@ -329,7 +313,7 @@ def columns_of(rig: Rig) -> tuple[str, ...]:
     """
     if not rig.is_machine:
         return ()
-    channels, outputs = channels_of(rig), possible_outputs(rig)
+    channels, outputs = channels_of(rig.drive, rig.end), possible_outputs(rig)
     names = [name_of(each, "command") for each in (possible_inputs(rig) if outputs else ())]
     names += [name_of(each, role) for each in outputs for role in ("reached", "se", "target")]
     return (*channels, *names, *(f"measured_{each}" for each in channels))

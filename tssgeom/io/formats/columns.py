@@ -11,6 +11,7 @@ from pathlib import Path
 
 from tssgeom.errors import ShapeError
 from tssgeom.io.formats.recording import agreed_unit
+from tssgeom.mechanism import OF_CURRENT, OF_END, OF_MOTOR, OF_TENDON, numbered
 from tssgeom.stream import Frame
 
 AXES = ("x", "y", "z")
@@ -33,25 +34,16 @@ MOST_TENDONS = 12
 
 
 def _machine_channels(*, with_targets: bool) -> dict[str, tuple[str, float]]:
-    of_one = {
-        "rad": {"motor_angle", "joint_angle", "bending_x", "bending_y"},
-        "Nm": {"motor_torque", "joint_torque"},
-        "A": {"motor_current"},
-        "m": {f"tip_{axis}" for axis in AXES},
-    }
-    targets = {f"{stem}_target" for stem in ("joint_angle", "bending_x", "bending_y")}
-    of_one["rad"] |= targets if with_targets else set()
-    for which in range(1, MOST_TENDONS + 1):
-        of_one["N"] = of_one.get("N", set()) | {f"tension_in_{which}", f"tension_out_{which}"}
-        of_one["N"] |= {f"tension_out_{which}_target"} if with_targets else set()
-        of_one["m"] |= {f"displacement_in_{which}", f"displacement_out_{which}"}
+    names = [*OF_MOTOR, OF_CURRENT, *OF_END["joint"], *OF_END["segment"]]
+    names += [channel for name in OF_TENDON for channel in numbered(name, MOST_TENDONS)]
     small = {"rad": ("deg", 180.0 / math.pi), "Nm": ("mNm", 1e3), "A": ("mA", 1e3), "m": ("mm", 1e3)}
     channels = dict[str, tuple[str, float]]()
-    for unit, stems in of_one.items():
-        for stem in sorted(stems):
-            channels[f"{stem}_{unit}"] = (f"{stem}_{unit}", 1.0)
+    for stem, _, unit in (name.rpartition("_") for name in names):
+        may_be_target = with_targets and stem.startswith(("joint_angle", "bending", "tension_out"))
+        for each in (stem, f"{stem}_target") if may_be_target else (stem,):
+            channels[f"{each}_{unit}"] = (f"{each}_{unit}", 1.0)
             if unit in small:
-                channels[f"{stem}_{small[unit][0]}"] = (f"{stem}_{unit}", small[unit][1])
+                channels[f"{each}_{small[unit][0]}"] = (f"{each}_{unit}", small[unit][1])
     return channels
 
 
