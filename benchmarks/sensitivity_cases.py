@@ -15,7 +15,7 @@ from tempfile import mkdtemp
 import msgspec
 import numpy as np
 
-from benchmarks import adaptive, adaptive_machines
+from benchmarks import adaptive
 from benchmarks.calibration import MACHINES, machine_trial, trial
 from tests.campaigns import make_campaign
 from tests.known_routes import Cell, Draw, draw, truth
@@ -258,10 +258,10 @@ def adapt(take: Take, *, quick: bool) -> Numbers:
         one = adaptive.fault(_SCENARIOS[name], _EVERY, tension_out=False)
         _put(take, numbers, name, {"delay": one.delay, "named": one.named, "false": one.false_alarms})
     for kind, fault in () if quick else _BROKEN_MACHINES:
-        one = adaptive_machines.sound(SCENARIOS[kind](1, _FOLLOWED_MACHINE_S))._asdict()
+        one = adaptive.sound_machine(SCENARIOS[kind](1, _FOLLOWED_MACHINE_S))._asdict()
         _put(take, numbers, kind, {key: one[key] for key in one if key not in _UNUSED})
-        delay, wrong = adaptive_machines.detected(kind, 1, fault)
-        _put(take, numbers, f"{kind}, {fault}", {"delay": delay, "named": not wrong})
+        one = adaptive.machine_fault(kind, 1, fault)
+        _put(take, numbers, f"{kind}, {fault}", {"delay": one.delay, "named": one.named})
     return numbers
 
 

@@ -7,7 +7,10 @@ from typing import NamedTuple
 import numpy as np
 
 from tests.twins import Machine, Scenario
+from tssgeom.adapt.followed import followed_numbers
 from tssgeom.adapt.offline import FollowedRun, RunColumns, RunFollower
+from tssgeom.adapt.readings import CHANNELS, Moment, Readings
+from tssgeom.adapt.rig_filter import RigFilter
 from tssgeom.rig import Friction, Load, Rig, Sensor, Tendon
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.moving import MovingRoute
@@ -113,3 +116,18 @@ def _scores(error: np.ndarray, spread: np.ndarray) -> Scores:
     se = np.sqrt(np.diagonal(spread, axis1=1, axis2=2))
     whitened = np.linalg.solve(spread, error[:, :, None])[:, :, 0]
     return Scores(error, se, np.sum(error * whitened, axis=1) / error.shape[1])
+
+
+def exact_tension_out(scenario, every):
+    """Return T_out of the rig with its true numbers at each moment, driven by the position as read [N]."""
+    rig, run = rig_of(scenario.machine), columns_of(scenario, every=every)
+    numbers = followed_numbers(rig, CHANNELS[:1])
+    truth = np.column_stack([scenario.truth[TRUTH[one.key]][::every] for one in numbers])
+    model = RigFilter(rig, numbers, route_of(scenario).at(0.0))
+    model.muted.update(CHANNELS)
+    ends = np.empty(len(run.time))
+    for i, now in enumerate(run.time):
+        model.members[:] = truth[i]
+        readings = Readings(displacement_in=float(scenario.readings["displacement_in_m"][::every][i]))
+        ends[i] = model.step(Moment(float(now), model.cut, readings)).ends[1]
+    return ends
