@@ -298,7 +298,7 @@ def _direction_noise(rig: Rig, last: TrackedFit | None) -> float | None:
 
 def _with_direction_noise(shape: Shape, noise: float | None, tracked: TrackedFit) -> tuple[Shape, TrackedFit]:
     """Fit points and directions again, with the noise that the directions of each fit show; (170)."""
-    for _ in range(DIRECTION_NOISE.rounds):
+    for _ in range(PASSES.most):
         if shape.directions is None:
             break
         route, spline = tracked.fit.route, tracked.fit.spline

@@ -84,8 +84,6 @@ class OrderingLimits(NamedTuple):
     """Median step over the median distance to the nearest point of one at random [1]. Chosen."""
     leap: float = 10.0
     """Median steps that make a leap, if longer than the median distance from the mean [1]. Chosen."""
-    most_leaps: int = 20
-    """Leaps that are tested. Chosen: by speed."""
     elsewhere: float = 2.0
     """Median steps around the ends of a leap in which no other part of the route may lie [1]. Chosen."""
 

@@ -20,8 +20,6 @@ class DirectionNoisePrior:
     values: float = 4.0
     """Residuals that it is worth, as is the noise of the first fit in a filter in time. Chosen: two sensors
     outweigh it; too small a noise does more harm."""
-    rounds: int = 4
-    """Fits, each with the noise of the one before. Chosen: the last changes it by a few per cent."""
 
 
 NOISE_PRIOR = DirectionNoisePrior()

@@ -34,8 +34,6 @@ class PosteriorGrid:
     """Shortest length over which errors are alike, over that of the route [1]. Chosen: below the nodes."""
     longest: float = 0.5
     """Longest one [1]. Chosen: longer errors move and turn the route."""
-    lengths: int = 6
-    """Lengths between both, each as likely. Chosen: a factor of 2.2 apart."""
     size_deviation: float = 0.8
     """Standard deviation of the logarithm of the size [1]. Chosen: nine in ten within a factor of four."""
     sizes: tuple[float, ...] = (-2.0, -1.0, 0.0, 1.0, 2.0)
@@ -52,6 +50,11 @@ class PosteriorGrid:
     finest: float = 0.1
     """Least detail of a shape that counts as evidence, over the median size of the errors [1]. Chosen: below
     it neither a route nor its errors are like their models."""
+
+    @property
+    def lengths(self) -> int:
+        """Lengths between both, each as likely: as far apart as the sizes."""
+        return 1 + round(math.log(self.longest / self.shortest) / self.size_deviation)
 
 
 GRID = PosteriorGrid()

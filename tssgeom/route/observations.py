@@ -219,7 +219,7 @@ def out_of_order(points: Points) -> bool:
         return False
     if wandering and typical > ORDERING.nearer_neighbours * _typical_to_nearest(points):
         return True
-    leaps = np.flatnonzero(steps > leap)[: ORDERING.most_leaps]
+    leaps = np.flatnonzero(steps > leap)[: POINTS.few]
     near = ORDERING.elsewhere * typical
     if len(leaps) and np.linalg.norm(points[0] - points[-1]) < near:
         return True

@@ -23,6 +23,7 @@ from tssgeom.route.route import step_lengths
 from tssgeom.route.spline.fit import fit
 from tssgeom.route.spline.problem import LastPass, Problem, Solution, before_pass, next_pass, scaled_variance
 from tssgeom.route.spline.spline import Spline, spline_of
+from tssgeom.statistics import EVIDENCE_SCALE
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,14 +48,14 @@ class RatioGrid:
     odds of 7 to 1."""
     most_bias: float = 0.3
     """Such an error over the standard error of Φ up to which chords give the stations [1]. Chosen."""
-    outlier_price: float = 13.6
-    """-2 ln of the probability density of one outlier across the route, in mean spacings [1]. Chosen: one
-    point in a hundred is one, within three spacings."""
     agreement: float = 0.5
     """Difference to the mean Φ up to which the likeliest λ stands for all [standard errors]. Chosen."""
 
 
 GRID = RatioGrid()
+_OUTLIER_PRICE = 2.0 * math.log(CHANCE.clear**2 / EVIDENCE_SCALE.false_alarms)
+"""-2 ln of the probability density of one outlier across the route, in mean spacings [1]. Derived: as many
+points are as chance takes beyond a limit, within three spacings."""
 
 
 class _Candidate(NamedTuple):
@@ -270,7 +271,7 @@ def _solved(problem: Problem, ratio: float) -> tuple[Solution, float]:
     criterion = 2 * (values * math.log(q) + log_s) + squares / q + SEARCH.price_per_decade * math.log10(ratio)
     if problem.variance == 0.0:
         criterion += noise_price(math.sqrt(ratio * q) / float(model.u[-1] - model.u[0]))
-    criterion += GRID.outlier_price * int(np.count_nonzero(model.weight <= 0.0))
+    criterion += _OUTLIER_PRICE * int(np.count_nonzero(model.weight <= 0.0))
     return Solution(
         ratio, q, log_s, squares, values, *core.smooth(*model, *sensed, ratio, inverse_intensity)
     ), criterion

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tssgeom.arrays import Matrix, Vector
-from tssgeom.core.constants import ROUNDING
+from tssgeom.core.constants import CHANCE, ROUNDING
 from tssgeom.tendon.command_error import MOST_OUTSIDE, outside
 
 
@@ -18,8 +18,6 @@ class PlaneSettings(NamedTuple):
 
     nodes: int = 48
     """Of Gauss and Legendre [1]; derived: 400 random cases are off by 2e-9."""
-    reach: float = 6.0
-    """Standard errors on both sides [1]; derived: 2e-9 is beyond."""
 
 
 PLANE = PlaneSettings()
@@ -47,7 +45,7 @@ def outside_plane(miss: Vector, covariance: Matrix, tolerance: float) -> float:
     if across <= ROUNDING.relative * tolerance:
         half = math.sqrt(max(tolerance**2 - off[0] ** 2, 0.0))
         return outside(float(off[1]), along, half) if half > 0.0 else 1.0
-    reach = off[0] + PLANE.reach * across * np.array([-1.0, 1.0])
+    reach = off[0] + CHANCE.never * across * np.array([-1.0, 1.0])
     low, high = np.arcsin(np.clip(reach / tolerance, -1.0, 1.0)).tolist()
     nodes, weight = _nodes()
     turn = low + 0.5 * (high - low) * (nodes + 1.0)

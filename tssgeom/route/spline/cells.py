@@ -21,9 +21,6 @@ from tssgeom.route.spline.problem import Problem, Solution
 class CellRules(NamedTuple):
     """When neighbouring points share their errors, as in centre lines traced in images, and what is done."""
 
-    correlation: float = -3.5
-    """Autocorrelation of the innovations below which errors are not white [standard deviations]; chosen:
-    white ones stay above -3."""
     lags: tuple[int, ...] = (1, 2, 3)
     """Lags at which it is taken [points]; chosen."""
     growth: float = 2.0**0.5

@@ -7,6 +7,7 @@ from dataclasses import replace
 from functools import partial
 
 from tssgeom import core
+from tssgeom.core.constants import CHANCE
 from tssgeom.route.observations import Shape
 from tssgeom.route.spline.cells import (
     CELLS,
@@ -72,7 +73,7 @@ def fit_in_steps(
         yield PARAMETERS * len(shape.points)
     spline, correlation = yield from _fit_white(shape, noise)
     alone = noise is None and shape.stations is None and shape.directions is None
-    if alone and clustered(shape.points, spline.route.noise) and correlation() < CELLS.correlation:
+    if alone and clustered(shape.points, spline.route.noise) and correlation() < -CHANCE.rare:
         return _fit_cells(shape, spline)
     return spline
 
@@ -106,7 +107,7 @@ def _fit_cells(shape: Shape, spline: Spline) -> Spline:
         if len(coarse.points) < CELLS.fewest_cells:
             return spline
         fitted, correlation = at_once(_fit_white(coarse, None))
-        if correlation() >= CELLS.correlation:
+        if correlation() >= -CHANCE.rare:
             break
         cell *= CELLS.growth
     finer, coarser = (_angle_in_cells(shape, cell * x) for x in (0.5**0.5, 2**0.5))
