@@ -103,7 +103,8 @@ def _of_python(text: str) -> Iterator[Note]:
 
 
 def _named(text: str) -> str:
-    """Return C with names that a macro makes as they are in it, every character where it was."""
+    """Return C with names that a macro makes as they are in it, no comments, each character where it was."""
+    text = C_COMMENT.sub(lambda comment: re.sub(r"[^\n]", " ", comment[0]), text)
     return re.sub(r"NAMED\((\w+)\)", lambda macro: macro[1].ljust(len(macro[0])), text)
 
 

@@ -33,9 +33,9 @@ _ALLOWED = (TssgeomError, ValueError, TypeError, OverflowError, MemoryError)
 
 
 def entries() -> dict[str, Prototype]:
-    """Return the prototypes of all headers by name."""
-    headers = [path.read_text(encoding="utf-8") for path in sorted(HERE.glob("*.h"))]
-    return {each.name: each for header in headers for each in read_prototypes(header)}
+    """Return the prototypes of all entries by name."""
+    sources = [path.read_text(encoding="utf-8") for path in sorted(HERE.glob("*.c"))]
+    return {each.name: each for source in sources for each in read_prototypes(source)}
 
 
 def numbers(rng: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:

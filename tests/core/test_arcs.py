@@ -1,4 +1,4 @@
-"""Entries of arcs.h against their slow twins on random chains, points and directions."""
+"""Entries of chains against their slow twins on random chains, points and directions."""
 
 import math
 

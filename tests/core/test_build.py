@@ -57,19 +57,19 @@ def test_an_error_of_the_compiler_is_reported(monkeypatch, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("header", "mistake"),
+    ("source", "mistake"),
     [
-        ("/** Text. */\nENTRY double tss_x(float y);", "not in the form of its conventions: 'float y'"),
+        ("/** Text. */\nENTRY double tss_x(float y) {", "not in the form of its conventions: 'float y'"),
         (
-            "/** Text. */\nENTRY void tss_x(int64_t n, double y[n]);",
+            "/** Text. */\nENTRY void tss_x(int64_t n, double y[n]) {",
             "y is changed: mark it OUT",
         ),
-        ("\nENTRY double tss_x(double y);", "every ENTRY of a header needs a comment"),
+        ("\nENTRY double tss_x(double y) {", "every ENTRY needs a comment"),
     ],
 )
-def test_a_header_that_breaks_a_convention_is_refused(header, mistake):
+def test_an_entry_that_breaks_a_convention_is_refused(source, mistake):
     with pytest.raises(ValueError, match=mistake):
-        build.read_prototypes(header)
+        build.read_prototypes(source)
 
 
 def test_a_library_older_than_a_source_is_built_again(tmp_path):

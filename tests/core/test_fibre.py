@@ -1,4 +1,4 @@
-"""The entries of fibre.h against their slow twin on random gratings."""
+"""The entries of a fibre against their slow twin on random gratings."""
 
 import math
 

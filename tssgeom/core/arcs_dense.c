@@ -51,9 +51,13 @@ void propagated(
         }
 }
 
-void tss_propagated(
+/** Return the covariance of r values of gradient [r, m], by the inverse of normal equations and of unit
+noise.
+
+`damping` is added to the diagonal of the matrix, scaled to 1. */
+ENTRY void tss_propagated(
     int64_t m, int64_t r, const double matrix[m][m], const double gradient[r][m], double damping,
-    double covariance[r][r], double work[m * m + r * m + m]) {
+    OUT double covariance[r][r], WORK double work[m * m + r * m + m]) {
     Work w = {work};
     double *lower = take(&w, m * m), *unit = take(&w, m);
     factor(m, matrix[0], damping, lower, unit);

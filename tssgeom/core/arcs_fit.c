@@ -251,16 +251,25 @@ int64_t outlier_weights(const Data *data, const double square[], double last, do
     return differ;
 }
 
-int64_t tss_outlier_weights(
+/** Return weights by distance from a chain: 0 for an outlier; and before these whether they differ from those
+given.
+
+`last`: least noise variance that is assumed where none is known [m²]. */
+ENTRY int64_t tss_outlier_weights(
     int64_t n, const double square[n], const double weight[n], int64_t free, double variance, double spacing,
-    double last, double new_weight[n], double work[n]) {
+    double last, OUT double new_weight[n], WORK double work[n]) {
     Data data = {.n = n, .weight = weight, .free = free, .variance = variance, .spacing = spacing};
     return outlier_weights(&data, square, last, new_weight, (Work){work});
 }
 
-int64_t tss_chain_fits(
+/** Return whether a chain of m parameters is off the points by no more than noise, as it was in the last
+frame.
+
+`form` has rows = k + 4 rows; `last`: noise variance of the last frame [m²]. A chain that turns unobserved
+between its points fits nothing, however small the residuals of the inliers. */
+ENTRY int64_t tss_chain_fits(
     int64_t n, int64_t rows, int64_t m, const double weight[n], int64_t free, double variance, double spacing,
-    const double unit_weight[n], const double form[rows][3], const double stations[n], double cost,
+    OPTIONAL const double unit_weight[n], const double form[rows][3], const double stations[n], double cost,
     double last) {
     if (n < 1 || rows < 5) return 0;
     Data data = {.n = n, .weight = weight, .free = free, .variance = variance, .spacing = spacing,
@@ -293,12 +302,20 @@ Chain begun_chain(
     return chain;
 }
 
-status tss_fit_pieces(
+/** Fit a chain with its number of pieces by Levenberg and Marquardt; (31).
+
+With a finite `least` it is a candidate: `better` is whether its criterion comes below that, with a point on
+every piece or kink; the fit is given up, unfinished, where that is out of reach. With `restart` it begins
+anew at the foot of the first point, where stations are unknown: in a fit its start moves only across
+itself, so the ends of a route that moves would run away from it. `evaluations`: how often the normal equations
+were built. */
+ENTRY status tss_fit_pieces(
     int64_t n, int64_t k, int64_t m, const double points[n][3], const double weight[n], int64_t free,
-    double variance, double spacing, const double unit[n][3], const double unit_weight[n], double shortest,
-    const double form[k + 4][3], const uint8_t curved[k], const double stations[n], double least_criterion,
-    int64_t restart, int64_t *better, int64_t *evaluations, double new_form[k + 4][3],
-    double new_stations[n], double matrix[m][m], double *cost, double square[n], double work[4 * n + 60 * k * k + 600 * k + 400]) {
+    double variance, double spacing, OPTIONAL const double unit[n][3], OPTIONAL const double unit_weight[n],
+    double shortest, const double form[k + 4][3], const uint8_t curved[k], const double stations[n],
+    double least_criterion, int64_t restart, OUT int64_t *better, OUT int64_t *evaluations,
+    OUT double new_form[k + 4][3], OUT double new_stations[n], OUT double matrix[m][m], OUT double *cost,
+    OUT double square[n], WORK double work[4 * n + 60 * k * k + 600 * k + 400]) {
     if (!is_sized(n, k, m, curved, free)) return WRONG_SIZE;
     Work w = {work};
     Data data = {n, points, weight, free, variance, spacing, unit, unit_weight, shortest};

@@ -64,9 +64,12 @@ void turn_by_curvature(ArcFunctions f, const double bend[2], double h, double tu
     }
 }
 
-status tss_along_chain(
-    int64_t r, int64_t rows, const double s[r], const double form[rows][3], double position[r][3],
-    double frame[r][3][3], double work[12 * rows]) {
+/** Return position [m] and axes (tangent, both normals) of a chain at arc lengths `s` [r] [m]; (30).
+
+`form` has rows = k + 4 rows. */
+ENTRY status tss_along_chain(
+    int64_t r, int64_t rows, const double s[r], const double form[rows][3], OUT double position[r][3],
+    OUT double frame[r][3][3], WORK double work[12 * rows]) {
     if (rows < 5) return WRONG_SIZE;
     Chain chain = chain_of(rows - 4, 0, form, NULL, NULL, NULL, 0.0);
     double(*begin)[3] = (double(*)[3])work, (*axes)[3][3] = (double(*)[3][3])(work + 3 * rows), local[4][3];

@@ -141,13 +141,19 @@ static double pieces_of(
     return sqrt(variance);
 }
 
-status tss_chain_pieces(
+/** Return the pieces of a fitted chain: lengths [m], angles [rad], covariance of both, noise [m]; (33),
+(124).
+
+`unidentifiable` is the piece whose bend is known least, if its points do not determine it, or -1; `hidden`
+the mean square of the curvature that each straight piece may have [1/m²]; `variances` those of the angle where
+each piece begins [rad²] and of its curvature [1/m²], and their covariance [1/m], without what is hidden. */
+ENTRY status tss_chain_pieces(
     int64_t n, int64_t k, int64_t m, const double points[n][3], const double weight[n], int64_t free,
-    double variance, double spacing, const double unit[n][3], const double unit_weight[n],
+    double variance, double spacing, OPTIONAL const double unit[n][3], OPTIONAL const double unit_weight[n],
     const double form[k + 4][3], const uint8_t curved[k], const double stations[n], const double matrix[m][m],
-    double cost, double length[k], double angle[k], double covariance[2 * k][2 * k], double *noise,
-    int64_t *unidentifiable, double hidden[k], double variances[k][3],
-    double work[4 * n + 60 * k * k + 600 * k + 400]) {
+    double cost, OUT double length[k], OUT double angle[k], OUT double covariance[2 * k][2 * k],
+    OUT double *noise, OUT int64_t *unidentifiable, OUT double hidden[k],
+    OUT double variances[k][3], WORK double work[4 * n + 60 * k * k + 600 * k + 400]) {
     if (!is_sized(n, k, m, curved, free)) return WRONG_SIZE;
     Data data = {n, points, weight, free, variance, spacing, unit, unit_weight, 1.0};
     Chain chain = chain_of(k, m, form, curved, stations, matrix[0], cost);
@@ -156,9 +162,10 @@ status tss_chain_pieces(
     return DONE;
 }
 
-status tss_chain_scale(
+/** Return the mean spacing of points and the shortest piece of a chain that goes on with them [m], [spacings]. */
+ENTRY status tss_chain_scale(
     int64_t n, int64_t rows, const double points[n][3], const double form[rows][3], const double stations[n],
-    double *spacing, double *shortest, double work[n]) {
+    OUT double *spacing, OUT double *shortest, WORK double work[n]) {
     if (n < 2) return WRONG_SIZE;
     *spacing = tss_spacing_of_pieces(n, points, stations[n - 1] - stations[0], work);
     *shortest = 1.0;
@@ -167,13 +174,18 @@ status tss_chain_scale(
     return DONE;
 }
 
-status tss_follow_chain(
+/** Fit the chain of the last frame to the points of this one, without outliers, and return its pieces; (34).
+
+`last`: noise variance of the last frame [m²]; `spacing` and `shortest` as in `chain_scale`; `fits` as in
+`chain_fits`; the rest as in `fit_pieces`, `chain_pieces`. */
+ENTRY status tss_follow_chain(
     int64_t n, int64_t k, int64_t m, const double points[n][3], int64_t free, double variance,
-    const double unit[n][3], const double unit_weight[n], const double form[k + 4][3], const uint8_t curved[k],
-    const double stations[n], double last, double *spacing, double *shortest, int64_t *fits,
-    double new_weight[n], double new_form[k + 4][3], double new_stations[n], double matrix[m][m], double *cost,
-    double square[n], double length[k], double angle[k], double covariance[2 * k][2 * k], double *noise,
-    int64_t *unidentifiable, double work[6 * n + 60 * k * k + 600 * k + 400]) {
+    OPTIONAL const double unit[n][3], OPTIONAL const double unit_weight[n], const double form[k + 4][3],
+    const uint8_t curved[k], const double stations[n], double last, OUT double *spacing, OUT double *shortest,
+    OUT int64_t *fits, OUT double new_weight[n], OUT double new_form[k + 4][3], OUT double new_stations[n],
+    OUT double matrix[m][m], OUT double *cost, OUT double square[n], OUT double length[k], OUT double angle[k],
+    OUT double covariance[2 * k][2 * k], OUT double *noise, OUT int64_t *unidentifiable,
+    WORK double work[6 * n + 60 * k * k + 600 * k + 400]) {
     if (n < 2 || !is_sized(n, k, m, curved, free)) return WRONG_SIZE;
     Work w = {work};
     double *ones = take(&w, n), *hidden = take(&w, k);
@@ -270,12 +282,17 @@ static void part_equations(
     schur_complement(m, lower, unit, gradient, p, cross, own, cut.gradient + first, left, rest, w);
 }
 
-status tss_saved_by_parts(
+/** Return what a joint in each piece would save at best, and at which part of it, and what slopes would save.
+
+`saved` [k] in noise variances; `part` [k]: part of the piece before which the joint is; `by_slopes`: what
+sloping curvature in every piece would save beyond chance [noise variances]. The steps of a staircase that
+stands for a smooth route fit better with a slope; those of true pieces do not. */
+ENTRY status tss_saved_by_parts(
     int64_t n, int64_t k, int64_t m, const double points[n][3], const double weight[n], int64_t free,
-    double variance, double spacing, const double unit[n][3], const double unit_weight[n],
+    double variance, double spacing, OPTIONAL const double unit[n][3], OPTIONAL const double unit_weight[n],
     const double form[k + 4][3], const uint8_t curved[k], const double stations[n], const double matrix[m][m],
-    double cost, double saved[k], int64_t part[k], double *by_slopes,
-    double work[4 * n + 500 * k * k + 2400 * k + 800]) {
+    double cost, OUT double saved[k], OUT int64_t part[k], OUT double *by_slopes,
+    WORK double work[4 * n + 500 * k * k + 2400 * k + 800]) {
     if (!is_sized(n, k, m, curved, free)) return WRONG_SIZE;
     Work w = {work};
     Data data = {n, points, weight, free, variance, spacing, unit, unit_weight, 1.0};

@@ -90,8 +90,8 @@ def build(folder: Path, *, flags: list[str] | None = None, target: str | None = 
         ]
         with ThreadPoolExecutor() as pool:
             list(pool.map(_run, commands))
-        headers = [path.read_text(encoding="utf-8") for path in sorted(HERE.glob("*.h"))]
-        prototypes = [each for header in headers for each in read_prototypes(header)]
+        texts = (Path(path).read_text(encoding="utf-8") for path in files)
+        prototypes = [each for text in texts for each in read_prototypes(text)]
         _emit_declarations(prototypes, work / "_declarations.py")
         (work / "_entries.py").write_text(_entries(prototypes), encoding="utf-8")
         built = (work / "_declarations.py", work / "_entries.py", *libraries)
@@ -173,7 +173,7 @@ class Parameter:
         )
         if match is None:
             raise ValueError(
-                f"a parameter of the core's headers is not in the form of its conventions: {text!r}"
+                f"a parameter of an entry of the core is not in the form of its conventions: {text!r}"
             )
         self.role = match["role"] or ""
         self.type, self.name, self.scalar_out = match["type"], match["name"], bool(match["star"])
@@ -203,19 +203,20 @@ class Prototype:
         self.parameters = [Parameter(text) for text in each]
 
 
-def read_prototypes(header: str) -> list[Prototype]:
-    """Read the entries of a header: a comment `/** … */` before `ENTRY type tss_name(…);`."""
+def read_prototypes(source: str) -> list[Prototype]:
+    """Read the entries of a file: a comment `/** … */` before `ENTRY type tss_name(…) {`."""
     pattern = (
-        r"/\*\*(?P<doc>(?:(?!\*/).)*)\*/\s*ENTRY (?P<returns>\w+) tss_(?P<name>\w+)\((?P<parameters>[^;]*)\);"
+        r"/\*\*(?P<doc>(?:(?!\*/).)*)\*/\s*"
+        r"ENTRY (?P<returns>\w+) tss_(?P<name>\w+)\((?P<parameters>[^;{]*)\) \{"
     )
     prototypes = [
         Prototype(
             each["returns"], each["name"], " ".join(each["parameters"].split()), _sentences(each["doc"])
         )
-        for each in re.finditer(pattern, header, re.DOTALL)
+        for each in re.finditer(pattern, source, re.DOTALL)
     ]
-    if len(prototypes) != header.count("\nENTRY "):
-        raise ValueError("every ENTRY of a header needs a comment /** … */ before it")
+    if len(prototypes) != source.count("\nENTRY "):
+        raise ValueError("every ENTRY needs a comment /** … */ before it")
     return prototypes
 
 
@@ -238,7 +239,7 @@ def _emit_declarations(prototypes: list[Prototype], path: Path) -> None:
         ffi.emit_python_code(str(path))
 
 
-_ENTRIES = '''"""The entries of the core as functions of arrays. Generated from the headers by build.py."""
+_ENTRIES = '''"""The entries of the core as functions of arrays. Generated from C by build.py."""
 
 # ruff: noqa
 import numpy as np

@@ -1,8 +1,11 @@
-#include "checksum.h"
+#include "core.h"
 
 static const uint64_t POLYNOMIAL = 0x42F0E1EBA9EA3693;
 
-int64_t tss_crc64(int64_t n, const char bytes[n]) {
+/** CRC-64 of bytes [n], as OpenIGTLink has it: the polynomial of ECMA-182, begun at 0, highest bit first.
+
+Returns its 64 bits as a signed number. */
+ENTRY int64_t tss_crc64(int64_t n, const char bytes[n]) {
     uint64_t of_byte[256], crc = 0;
     for (uint64_t i = 0; i < 256; i++) {
         of_byte[i] = i << 56;

@@ -1,4 +1,4 @@
-/* Conventions of the compiled core. Every header of this folder keeps them, and `build.py` reads them.
+/* Conventions of the compiled core. Every entry of this folder keeps them, and `build.py` reads them.
 
    An ENTRY is called from Python as a function of the same name without `tss_`; its wrapper is generated.
 
@@ -64,6 +64,3 @@ double median_of(int64_t n, double values[]);
 
 /* The number that a sort would put at index k; the numbers [n] are put into another order. */
 double quantile_of(int64_t n, double values[], int64_t k);
-
-/** Whether this processor has AVX2. */
-ENTRY int64_t tss_has_avx2(void);

@@ -271,13 +271,20 @@ static int are_joints(int64_t n, int64_t count, const int64_t joints[]) {
     return 1;
 }
 
-status tss_curvature_profile(
+/** Curvature and accumulated angle of a fitted route, and its pieces, in one pass; (23) to (27), (340).
+
+Parameters: arc length, tangents and curvature vectors of the nodes; covariance of the state of (20) and gains;
+the effective number of parameters; noise [m]; whether stations are known; the relative error of all angles that
+neighbours share; the share of the parameters that directions determine; the nodes of the points [m]; and the
+nodes at which the pieces meet. Returns κ [1/m], φ [rad] and their standard errors on the nodes; length [m] and
+angle [rad] of each piece; and the covariance of all lengths followed by all angles. */
+ENTRY status tss_curvature_profile(
     int64_t n, const double s[n], const double tangent[n][3], const double bend[n][3],
     const double covariance[n][10], int64_t gains, const double gain[gains][4][4], double freedom, double noise,
     int64_t known, double shared_angle_error, double tangent_share, int64_t points,
-    const double station[points], int64_t joint_count, const int64_t joints[joint_count], double profile[4][n],
-    double pieces[2][joint_count - 1], double piece_covariance[2 * joint_count - 2][2 * joint_count - 2],
-    double work[41][n + joint_count]) {
+    const double station[points], int64_t joint_count, const int64_t joints[joint_count],
+    OUT double profile[4][n], OUT double pieces[2][joint_count - 1],
+    OUT double piece_covariance[2 * joint_count - 2][2 * joint_count - 2], WORK double work[41][n + joint_count]) {
     if (!are_joints(n, joint_count, joints) || gains != n - 1 || points < 2) return WRONG_SIZE;
     double *kappa = profile[0], *phi = profile[1], *kappa_se = profile[2], *variance = profile[3];
     double *rectified = work[0];

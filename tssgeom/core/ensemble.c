@@ -1,7 +1,7 @@
 /* Deviations of members, and readings beside what members expect.
 
    docs/model.md (204), (251), (252). */
-#include "ensemble.h"
+#include "core.h"
 
 #include "route.h"
 #include "tendon_bars.h"
@@ -19,9 +19,13 @@ static double make_orthogonal(int64_t n, int64_t before, const double *others, d
     return first > 0.0 ? sqrt(row_dot(n, column, column)) / first : 0.0;
 }
 
-void tss_deviations(
+/** Return deviations of n members, each column with mean 0 and standard deviation 1; docs/model.md (204).
+
+They are those of `random` [n, d], uncorrelated with `known` [n, m] and with each other; what is left of a column
+that depends on those before it is 0. */
+ENTRY void tss_deviations(
     int64_t n, int64_t d, int64_t m, const double random[n][d], const double known[n][m],
-    double deviation[n][d], double work[1 + m + d][n]) {
+    OUT double deviation[n][d], WORK double work[1 + m + d][n]) {
     for (int64_t a = 0; a < 1 + m + d; a++) {
         double *column = work[a];
         for (int64_t j = 0; j < n; j++) column[j] = a == 0 ? 1.0 : a <= m ? known[j][a - 1] : random[j][a - 1 - m];
@@ -48,11 +52,22 @@ static double by_drives(
     return bend;
 }
 
-void tss_compare_readings(
+/** Compare c readings with what n members expect of them; docs/model.md (251).
+
+Behind the members stand two of each of q drives, with one noise more and less of it than the first member.
+`predicted` is what a channel should read, `others` all else that a reading shifts; `noise` the variances of the
+channels; `drive` what each drive reads beyond its position, and the error of that, over its noise, and its way.
+`felt` and `bent` are shares of the noise of a channel: by how much a drive that shows in it has to move it, and by how much
+a drive may bend what is used. Returns the readings where the drives are, NaN where they are bent, and their variances;
+how far they are off, and what noise, rig and drives explain of that at most, as a variance; how far one noise of each drive goes at most; of the readings that each
+drive moves the least, in standard deviations and > 0 as if it were farther on its way, NaN where there is none; and
+what the errors of all drives do to the channels and to the others. */
+ENTRY void tss_compare_readings(
     int64_t n, int64_t q, int64_t c, int64_t e, const double predicted[n + 2 * q][c],
     const double others[n + 2 * q][e], const double given[c], const double noise[c], const double drive[q][3],
-    double felt, double bent, double reading[c], double variance[c], double off[c], double greatest[c], double farthest[q][c],
-    double lowest[q], double by_drive[c], double others_by_drive[e], double moved[q][c]) {
+    double felt, double bent, OUT double reading[c], OUT double variance[c], OUT double off[c], OUT double greatest[c],
+    OUT double farthest[q][c], OUT double lowest[q], OUT double by_drive[c], OUT double others_by_drive[e],
+    WORK double moved[q][c]) {
     for (int64_t i = 0; i < q; i++) lowest[i] = NAN;
     for (int64_t h = 0; h < c; h++) {
         double mean = 0.0, spread = 0.0, bend = by_drives(n, q, c, h, predicted, farthest, moved);

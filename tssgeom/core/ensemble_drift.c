@@ -1,7 +1,7 @@
 /* How fast followed numbers drift: a filter of each for every rate, and the probability of each rate.
 
    docs/model.md (253), (268), (269). */
-#include "ensemble.h"
+#include "core.h"
 
 #include <string.h>
 
@@ -51,10 +51,19 @@ static double change(
     return between;
 }
 
-void tss_compare_drifts(
+/** Compare how fast d numbers may drift, once readings have shifted them; docs/model.md (253), (269).
+
+`numbers` [n, d] are those of the members, `span` the time whose drift each is to have now [s], `stated` the variances
+of a drift in a second, `share` [s] the rates, over that, and `first` their probabilities at the start; `changes` is the
+probability in a second that a rate becomes another [1/s]. Changed are the probability of each rate, value and variance
+of its filter, and of each number what it was after the last drift: value, variance, variance between the rates, and the
+share for which the members are made, which is at least `least_share` and at most `most_share`. Returns the standard deviation of
+the drift that members are to have. */
+ENTRY void tss_compare_drifts(
     int64_t n, int64_t d, int64_t s, const double numbers[n][d], const double span[d], const double stated[d],
     const double share[s], const double first[s], double changes, double least_share, double most_share,
-    double chance[d][s], double mean[d][s], double spread[d][s], double last[d][4], double sd[d]) {
+    INOUT double chance[d][s], INOUT double mean[d][s], INOUT double spread[d][s], INOUT double last[d][4],
+    OUT double sd[d]) {
     for (int64_t i = 0; i < d; i++) {
         double value = 0.0, variance = 0.0, *kept = last[i];
         for (int64_t j = 0; j < n; j++) value += numbers[j][i];
@@ -87,9 +96,14 @@ static double unit_of(const double last[KEPT]) {
     return last[OF_VARIANCE] > 0.0 ? sqrt(last[OF_VARIANCE]) : 1.0;
 }
 
-void tss_known_numbers(
+/** Return d numbers and their covariance, from `values` and `covariance` of members; docs/model.md (268).
+
+`last` is that of `compare_drifts`; `beyond` what is known beyond the members: information, and in its last column the
+product with the numbers, about the values and in the standard deviations of `last`. */
+ENTRY void tss_known_numbers(
     int64_t d, const double values[d], const double covariance[d][d], const double last[d][4],
-    const double beyond[d][d + 1], double known[d], double spread[d][d], double work[5 * d * d + 2 * d]) {
+    const double beyond[d][d + 1], OUT double known[d], OUT double spread[d][d],
+    WORK double work[5 * d * d + 2 * d]) {
     Work w = {work};
     double *information = take(&w, d * d), *pull = take(&w, d);
     memcpy(known, values, (size_t)d * sizeof *known);
@@ -108,10 +122,11 @@ void tss_known_numbers(
     for (int64_t i = 0; i < d; i++) known[i] += row_dot(d, spread[i], pull);
 }
 
-void tss_known_beyond(
+/** Return `beyond` of `known_numbers`, from what is known and the members' values and covariance after a drift. */
+ENTRY void tss_known_beyond(
     int64_t d, const double values[d], const double covariance[d][d], const double known[d],
-    const double spread[d][d], const double last[d][4], double beyond[d][d + 1],
-    double work[5 * d * d + 2 * d]) {
+    const double spread[d][d], const double last[d][4], OUT double beyond[d][d + 1],
+    WORK double work[5 * d * d + 2 * d]) {
     Work w = {work};
     double *information = take(&w, d * d), *of_members = take(&w, d * d);
     invert(d, spread[0], information, w), invert(d, covariance[0], of_members, w);

@@ -142,11 +142,16 @@ static double forward(
     return log_total;
 }
 
-void tss_fibre_evidence(
+/** ln of the evidence of curvatures at n sites, over all partitions into pieces of k kinds; docs/model.md (36),
+without the constant of Gaussian densities, that is Σ ln(precision/2π) over the sites that were read.
+
+s [n]: arc length of the sites [m]; bend [n][2]: components sensed there [1/m]; precision [n]: of each, 0 where none
+was read [m²]. Also returned: begin and kind of the last of the likeliest pieces before each site [n + 1]. */
+ENTRY void tss_fibre_evidence(
     int64_t n, int64_t k, const double s[n], const double bend[n][2], const double precision[n],
     const double variance[k], const double decay[k], const double share[k], double rate,
-    double *log_evidence, int64_t origin[n + 1], int64_t kind[n + 1],
-    double work[79 * k * n + 3 * n + 20 * k]) {
+    OUT double *log_evidence, OUT int64_t origin[n + 1], OUT int64_t kind[n + 1],
+    WORK double work[79 * k * n + 3 * n + 20 * k]) {
     Fibre of = {n, k, s, bend, precision, variance, decay, share, rate, NULL, NULL};
     origin[0] = kind[0] = 0;
     prepare(&of, work);
@@ -298,13 +303,18 @@ static void at_nodes(
     if (a < m) angle[a] += 0.5 * (value + last) * (piece->right - at);
 }
 
-status tss_fibre_draws(
+/** Draws d from the posterior of the curvature on m nodes; docs/model.md (38).
+
+Nodes: (m - 1)/(n - 1) even ones in each interval of the sites [m]; uniform [d][2 n], normal [d][8 n]: random
+numbers. Returned are the evidence as of `tss_fibre_evidence`, components [d][m][2] and their magnitude [d][m]
+[1/m], accumulated angle [d][m] [rad], and whether a draw has a smooth piece [d]. */
+ENTRY status tss_fibre_draws(
     int64_t n, int64_t k, int64_t m, int64_t d, const double s[n], const double bend[n][2],
     const double precision[n], const double variance[k], const double decay[k], const double share[k],
     double rate, const double node[m], const double uniform[d][2 * n], const double normal[d][8 * n],
-    double *log_evidence, double curvature[d][m][2], double magnitude[d][m], double angle[d][m],
-    uint8_t smooth[d],
-    double work[3 * k * n * n + 85 * k * n + 80 * n + 20 * k + 5 * d * n]) {
+    OUT double *log_evidence, OUT double curvature[d][m][2], OUT double magnitude[d][m], OUT double angle[d][m],
+    OUT uint8_t smooth[d],
+    WORK double work[3 * k * n * n + 85 * k * n + 80 * n + 20 * k + 5 * d * n]) {
     Fibre of = {n, k, s, bend, precision, variance, decay, share, rate, NULL, NULL};
     if (n < 2 || k < 1 || m < 2 || (m - 1) % (n - 1)) return WRONG_SIZE;
     const int64_t each = (m - 1) / (n - 1);

@@ -16,9 +16,12 @@ void normals(const double tangent[3], double first[3], double second[3]) {
     }
 }
 
-void tss_normals(const double tangent[3], double first[3], double second[3]) { normals(tangent, first, second); }
+/** Two unit vectors normal to a unit tangent and to each other, right-handed with it. */
+ENTRY void tss_normals(const double tangent[3], OUT double first[3], OUT double second[3]) { normals(tangent, first, second); }
 
-void tss_parallel_components(int64_t n, const double tangent[n][3], const double vector[n][3], double parts[n][2]) {
+/** Components of a normal vector field in a frame carried along the tangents without twist. */
+ENTRY void tss_parallel_components(
+    int64_t n, const double tangent[n][3], const double vector[n][3], OUT double parts[n][2]) {
     double first[3], second[3];
     if (n > 0) normals(tangent[0], first, second);
     for (int64_t i = 0; i < n; i++) {
@@ -48,9 +51,13 @@ static void copy_cut(Cuts to, int64_t k, Cuts from, int64_t i) {
     to.square[k] = from.square[i], to.cost[k] = from.cost[i];
 }
 
-int64_t tss_best_partition(
-    int64_t n, const double value[n][2], const double weight[n], double penalty, int64_t joints[n + 1],
-    double work[13][n + 1]) {
+/** Cut a sequence into runs of constant value, exactly least in squared error plus `penalty` a run; (27).
+
+Parameters: vectors and their precisions. Returns how many runs, and the indices at which they begin, with n at
+the end. */
+ENTRY int64_t tss_best_partition(
+    int64_t n, const double value[n][2], const double weight[n], double penalty, OUT int64_t joints[n + 1],
+    WORK double work[13][n + 1]) {
     Cuts at = cuts_in(work[0], n + 1), alive = cuts_in(work[5], n + 1); /* alive: where a last run may still begin */
     double *so_far = work[10];
     int64_t *begin = (int64_t *)work[11], *index = (int64_t *)work[12], left = 1, runs = 0;
@@ -156,15 +163,20 @@ void angles_of_pieces(
     for (int64_t j = 0; j < count; j++) angle[j] = at[j + 1] - at[j];
 }
 
-int64_t tss_joints(
+/** Nodes at which pieces of constant curvature meet, with both ends; (27). Returns how many pieces. */
+ENTRY int64_t tss_joints(
     int64_t n, const double s[n], const double tangent[n][3], const double bend[n][3],
-    const double covariance[n][10], double freedom, int64_t points, int64_t joints[n + 1], double work[20][n + 1]) {
+    const double covariance[n][10], double freedom, int64_t points, OUT int64_t joints[n + 1],
+    WORK double work[20][n + 1]) {
     return pieces_of_curvature(n, s, tangent, bend, covariance, freedom, (double)points, joints, work[0]);
 }
 
-void tss_totals(
+/** Sums of a fit: length and angle of all pieces, and the standard error of that angle; finite or not, by the sum
+of every number. Parameters: length [m] and angle [rad] of each piece, and their covariance. */
+ENTRY void tss_totals(
     int64_t k, const double length[k], const double angle[k], int64_t values, const double covariance[values][values],
-    double *total_length, double *total_angle, double *total_angle_se, double *shortest, double *all) {
+    OUT double *total_length, OUT double *total_angle, OUT double *total_angle_se, OUT double *shortest,
+    OUT double *all) {
     double lengths = 0.0, angles = 0.0, variance = 0.0, sum = 0.0;
     *shortest = INFINITY;
     for (int64_t j = 0; j < k; j++) {

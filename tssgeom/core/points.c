@@ -13,7 +13,9 @@ double residual_variance(double known, double robust, double spacing) {
     return most(most(robust, known), squared(PRIOR.rounding * spacing));
 }
 
-void tss_path_length(int64_t n, const double points[n][3], const double weight[n], int64_t *ignored, double *path) {
+/** How many points have no weight, and the length of the path through the others [m]. */
+ENTRY void tss_path_length(
+    int64_t n, const double points[n][3], const double weight[n], OUT int64_t *ignored, OUT double *path) {
     int64_t last = -1, count = 0;
     double sum = 0.0;
     for (int64_t i = 0; i < n; i++) {
@@ -39,8 +41,12 @@ static double off_chord(const double point[3], const double first[3], const doub
     return square;
 }
 
-int64_t tss_corners(
-    int64_t n, const double points[n][3], double off, int64_t highest, uint8_t kept[n], double work[2 * n]) {
+/** Points between which straight lines pass all others within a distance `off` [m], both ends among them.
+
+Returns how many, and marks them; where there are more than `highest`, it stops at one more, so that the work is
+linear in the points. */
+ENTRY int64_t tss_corners(
+    int64_t n, const double points[n][3], double off, int64_t highest, OUT uint8_t kept[n], WORK double work[2 * n]) {
     int64_t(*between)[2] = (int64_t(*)[2])work, waiting = 1, count = n > 1 ? 2 : n;
     memset(kept, 0, (size_t)n);
     if (n < 2) return count;
@@ -66,21 +72,27 @@ static double median_step(int64_t n, const double points[][3], double *work) {
     return median_of(n - 1, work);
 }
 
-double tss_mean_spacing(int64_t n, const double points[n][3], double work[n]) {
+/** Median distance of neighbours [m], or the chord of all over their number where that is longer. */
+ENTRY double tss_mean_spacing(int64_t n, const double points[n][3], WORK double work[n]) {
     if (n < 2) return NAN;
     return most(median_step(n, points, work), distance3(points[n - 1], points[0]) / (double)(n - 1));
 }
 
-double tss_spacing_of_pieces(int64_t n, const double points[n][3], double length, double work[n]) {
+/** The spacing that bounds the pieces of a route of a length [m] from below [m].
+
+It is the mean, except for points that crowd in a part of the route: a bend may lie among them. */
+ENTRY double tss_spacing_of_pieces(int64_t n, const double points[n][3], double length, WORK double work[n]) {
     if (n < 2) return NAN;
     for (int64_t i = 0; i + 1 < n; i++) work[i] = distance3(points[i + 1], points[i]);
     double crowded = quantile_of(n - 1, work, (int64_t)(SPACING.crowd_quantile * (double)(n - 1)));
     return least(length / (double)n, SPACING.uneven * crowded);
 }
 
-void tss_against_stations(
-    int64_t n, const double points[n][3], const double stations[n], int64_t every, double *path, double *over,
-    int64_t *increasing) {
+/** Path from point to point [m]; chords over `every` points over their stations [1]; and whether stations are
+finite and none lies before the last. */
+ENTRY void tss_against_stations(
+    int64_t n, const double points[n][3], const double stations[n], int64_t every, OUT double *path,
+    OUT double *over, OUT int64_t *increasing) {
     double sum = 0.0, chords = 0.0;
     int64_t last = 0, sound = n > 0 && isfinite(stations[0]);
     for (int64_t i = 1; i < n; i++) {
@@ -221,7 +233,8 @@ static int64_t worst_inside(int64_t n, const double p[][3], double spacing, doub
     return largest > most(CHANCE.never * median_of(n - 4, size), spacing) ? worst + 2 : -1;
 }
 
-int64_t tss_worst_outlier(int64_t n, const double points[n][3], double spacing, double work[n]) {
+/** The greatest outlier among eight points or more of a median spacing [m], the ends first; -1 for none. */
+ENTRY int64_t tss_worst_outlier(int64_t n, const double points[n][3], double spacing, WORK double work[n]) {
     double typical = -1.0, end[6][3];
     if (n < RAW.fewest) return -1;
     for (int side = 0; side < 2; side++) {
@@ -270,7 +283,10 @@ static int spread_out(int64_t n, const double points[][3], double far) {
     return beyond > n / 2 + 1;
 }
 
-int64_t tss_clearly_sound(int64_t n, const double points[n][3], double work[3][n]) {
+/** Whether points may be used as they are: finite, apart, of a usual extent, in order, none an outlier.
+
+Returns 1 if so, 0 where they are not plain, and -1 where only the quick bounds on order and outliers fail. */
+ENTRY int64_t tss_clearly_sound(int64_t n, const double points[n][3], WORK double work[3][n]) {
     if (n < RAW.fewest || !plain(n, points)) return 0;
     double longest = 0.0, spacing = median_step(n, points, work[0]);
     for (int64_t i = 0; i + 1 < n; i++) longest = most(longest, distance3(points[i + 1], points[i]));

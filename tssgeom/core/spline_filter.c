@@ -171,12 +171,17 @@ double spline_deviance(Likelihood at, double spacing) {
     return fitted + 4.0 * log(variance) - 2.0 * information + 6.0 * log(2.0 * points); /* (34) */
 }
 
-void tss_innovations(
+/** Filter forward, for noise variance λ/weight and q = 1.
+
+Returns standardised innovations; log_s and squares, the sums of the logarithms of the innovation variances,
+less what the prior of the ends would be worth without any point, and of the squared standardised innovations;
+and how many. `inverse_intensity` is 1/q, in which the variances of sensed directions are counted. */
+ENTRY void tss_innovations(
     int64_t n, const double u[n], const double y[n][3], const double weight[n],
     const double transition[n][12], const double start[3][4], const double ends[4],
-    const double curve_tangent[n][3], int64_t across_only, const double tangent[n][3],
-    const double tangent_variance[n], double ratio, double inverse_intensity, double standardised[n][3],
-    double *log_s, double *squares, int64_t *values) {
+    const double curve_tangent[n][3], int64_t across_only, OPTIONAL const double tangent[n][3],
+    OPTIONAL const double tangent_variance[n], double ratio, double inverse_intensity,
+    OUT double standardised[n][3], OUT double *log_s, OUT double *squares, OUT int64_t *values) {
     FilterModel model =
         filter_model(n, u, y, weight, transition, start, ends, curve_tangent, across_only, tangent, tangent_variance);
     Lanes logarithms = all(0.0), total = all(0.0);
@@ -186,12 +191,16 @@ void tss_innovations(
     *log_s = logarithms[0], *squares = total[0];
 }
 
-void tss_best_ratio(
+/** λ of greatest restricted likelihood, its intensity q, and log_s, squares and values of `innovations` there.
+
+`variance` is the known noise variance, or 0; it is not 0 beside sensed directions. `guess` is the λ to begin
+with; where it is not positive, everything from interpolation to one cubic through all points is tried. */
+ENTRY void tss_best_ratio(
     int64_t n, const double u[n], const double y[n][3], const double weight[n],
     const double transition[n][12], const double start[3][4], const double ends[4],
-    const double curve_tangent[n][3], int64_t across_only, const double tangent[n][3],
-    const double tangent_variance[n], double variance, double guess, double *ratio, double *intensity,
-    double *log_s, double *squares, int64_t *values) {
+    const double curve_tangent[n][3], int64_t across_only, OPTIONAL const double tangent[n][3],
+    OPTIONAL const double tangent_variance[n], double variance, double guess, OUT double *ratio,
+    OUT double *intensity, OUT double *log_s, OUT double *squares, OUT int64_t *values) {
     FilterModel model =
         filter_model(n, u, y, weight, transition, start, ends, curve_tangent, across_only, tangent, tangent_variance);
     double best = n < 1 ? NAN : best_ratio(&model, variance, guess), ratios[LANES] = {best, best, best, best};

@@ -12,9 +12,10 @@ static double *take(double **room, int64_t count) {
     return part;
 }
 
-int64_t tss_outlying_points(
+/** Mark points whose leave-one-out residual is beyond chance and a jump of curvature; count those with a weight. */
+ENTRY int64_t tss_outlying_points(
     int64_t n, const double u[n], const double y[n][3], const double weight[n], double variance, double ratio,
-    const double mean[n][3][4], const double covariance[n][10], uint8_t outlier[n], double work[3][n]) {
+    const double mean[n][3][4], const double covariance[n][10], OUT uint8_t outlier[n], WORK double work[3][n]) {
     double *size = work[0], *left_out = work[1], *sizes = work[2], sharpest = 0.0;
     int64_t used = 0, count = 0;
     for (int64_t i = 0; i < n; i++) {
@@ -138,13 +139,20 @@ static int64_t spline_nodes(
     return count;
 }
 
-status tss_spline_nodes(
+/** Nodes of a fitted route in SI: the stations, and more in between where these are few.
+
+Parameters: stations, points and weights of the last pass; guess at the first station, variances at the ends and
+coupling of its prior; sensed directions; λ and q; the posterior at the stations; the first point [m]; the
+spacing [m]; whether stations are known. Returned as by `spline_frame`, and which nodes are the stations. */
+ENTRY status tss_spline_nodes(
     int64_t n, const double u[n], const double y[n][3], const double weight[n], const double start[3][4],
-    const double ends[4], int64_t across_only, const double coupling[n][3], const double tangent[n][3],
-    const double tangent_variance[n], double ratio, double intensity, const double mean[n][3][4],
-    const double covariance[n][10], const double gain[n - 1][4][4], const double origin[3], double spacing,
-    int64_t known, int64_t rows, int64_t *count, double s[rows], double vectors[3][rows][3],
-    double node_covariance[rows][10], double node_gain[rows][4][4], int64_t where[n], double work[60][rows]) {
+    const double ends[4], int64_t across_only, const double coupling[n][3],
+    OPTIONAL const double tangent[n][3], OPTIONAL const double tangent_variance[n], double ratio,
+    double intensity, const double mean[n][3][4], const double covariance[n][10],
+    const double gain[n - 1][4][4], const double origin[3], double spacing, int64_t known, int64_t rows,
+    OUT int64_t *count, OUT double s[rows], OUT double vectors[3][rows][3],
+    OUT double node_covariance[rows][10], OUT double node_gain[rows][4][4], OUT int64_t where[n],
+    WORK double work[60][rows]) {
     if (n < 2 || rows < n) return WRONG_SIZE;
     FilterModel model = filter_model(n, u, y, weight, NULL, start, ends, NULL, across_only, tangent, tangent_variance);
     Likelihood at = {ratio, intensity, 0.0, 0.0, 0};
@@ -153,13 +161,25 @@ status tss_spline_nodes(
     return isfinite(s[*count - 1]) ? DONE : NO_FINITE_CURVE;
 }
 
-status tss_spline_frame(
-    int64_t n, const double points[n][3], const double last_u[n], const double last_y[n][3], const double weight[n],
-    const double last_mean[n][3][4], const double last_covariance[n][10], double last_ratio, double last_intensity,
-    double growth, double spacing, double variance, const double stations[n], int64_t rows, double result[5],
-    double u[n], double y[n][3], double mean[n][3][4], double covariance[n][10], int64_t *count, double s[rows],
-    double vectors[3][rows][3], double node_covariance[rows][10], double node_gain[rows][4][4], double station[n],
-    double residual[n][3], int64_t joints[rows + 1], int64_t *pieces, double work[120][rows]) {
+/** Go on with the smooth fit of a route that moves: one pass that begins with the last one, and its nodes.
+
+Parameters: points of this frame [m]; stations, points and weights of the last pass, its posterior, λ and q; the
+factor up to which the noise variance may have changed since; its spacing [m]; the known noise variance or 0;
+known stations. `rows` is room for the nodes, n where that is 120 or more and else n + 120. `result` has λ, q,
+the effective number of parameters of a coordinate, -2 ln of the evidence [ln m²], and whether the last λ, noise
+and weights still held, without which the rest has no meaning.
+Returned are also u, y and the posterior at the stations for the next frame; and in SI, on `count` nodes: arc
+length; positions, tangents and curvature vectors; covariance of the state of (20); gains; and the nodes at
+which pieces of constant curvature meet. `station` are the nodes of the points [m]. */
+ENTRY status tss_spline_frame(
+    int64_t n, const double points[n][3], const double last_u[n], const double last_y[n][3],
+    const double weight[n], const double last_mean[n][3][4], const double last_covariance[n][10],
+    double last_ratio, double last_intensity, double growth, double spacing, double variance,
+    OPTIONAL const double stations[n], int64_t rows, OUT double result[5], OUT double u[n], OUT double y[n][3],
+    OUT double mean[n][3][4], OUT double covariance[n][10], OUT int64_t *count, OUT double s[rows],
+    OUT double vectors[3][rows][3], OUT double node_covariance[rows][10], OUT double node_gain[rows][4][4],
+    OUT double station[n], OUT double residual[n][3], OUT int64_t joints[rows + 1], OUT int64_t *pieces,
+    WORK double work[120][rows]) {
     if (n < 2 || rows < n) return WRONG_SIZE;
     double *room = work[0], ends[4], start[3][4];
     double(*coupling)[3] = (double(*)[3])take(&room, 3 * n), (*curve_tangent)[3] = (double(*)[3])take(&room, 3 * n);

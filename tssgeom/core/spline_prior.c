@@ -40,14 +40,21 @@ void transitions(int64_t n, const double u[], const double coupling[][3], double
     for (int64_t i = 1; i < n; i++) transition_over(u[i] - u[i - 1], coupling[i], out[i]);
 }
 
-void tss_transitions(int64_t n, const double u[n], const double coupling[n][3], double transition[n][12]) {
+/** Carry the state over every interval before a station.
+
+Parameters: stations; κ² and κκ' on the interval before each station, and ω². */
+ENTRY void tss_transitions(
+    int64_t n, const double u[n], const double coupling[n][3], OUT double transition[n][12]) {
     if (n > 0) transitions(n, u, coupling, transition);
 }
 
-void tss_prior_along_curve(
+/** Stations, coupling, variances at the ends and tangents for the next pass; docs/model.md (20) to (22).
+
+Unknown stations move to the feet of the points on the curve of this pass. */
+ENTRY void tss_prior_along_curve(
     int64_t n, const double u[n], const double y[n][3], const double weight[n], double ratio, double q,
-    const double mean[n][3][4], const double covariance[n][10], int64_t known, double next_u[n],
-    double coupling[n][3], double ends[4], double tangent[n][3], double work[5][n]) {
+    const double mean[n][3][4], const double covariance[n][10], int64_t known, OUT double next_u[n],
+    OUT double coupling[n][3], OUT double ends[4], OUT double tangent[n][3], WORK double work[5][n]) {
     double bends = 0.0, rates = 0.0, growth_at_end = 0.0, bend_integral = 0.0, rate_integral = 0.0;
     for (int k = 0; k < 4; k++) ends[k] = 0.0;
     if (n < 1) return;

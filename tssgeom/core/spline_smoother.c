@@ -137,12 +137,17 @@ void smooth(
     smooth_backward(model->n, model->u, model->transition, m, covariance, gain, (const double(*)[10])predicted);
 }
 
-status tss_smooth(
+/** Posterior of the curve at all stations, for noise variance λ/weight and q = 1 (Rauch, Tung, Striebel).
+
+Returns the state of each coordinate; the covariance of one coordinate; and the smoother gains, so that
+Cov(state i, state i+1) = gain i times covariance i+1. */
+ENTRY status tss_smooth(
     int64_t n, const double u[n], const double y[n][3], const double weight[n],
     const double transition[n][12], const double start[3][4], const double ends[4],
-    const double curve_tangent[n][3], int64_t across_only, const double tangent[n][3],
-    const double tangent_variance[n], double ratio, double inverse_intensity, double mean[n][3][4],
-    double covariance[n][10], double gain[n - 1][4][4], double predicted[n][10]) {
+    const double curve_tangent[n][3], int64_t across_only, OPTIONAL const double tangent[n][3],
+    OPTIONAL const double tangent_variance[n], double ratio, double inverse_intensity,
+    OUT double mean[n][3][4], OUT double covariance[n][10], OUT double gain[n - 1][4][4],
+    WORK double predicted[n][10]) {
     FilterModel model =
         filter_model(n, u, y, weight, transition, start, ends, curve_tangent, across_only, tangent, tangent_variance);
     smooth(&model, ratio, inverse_intensity, mean, covariance, gain, predicted, NULL);

@@ -41,13 +41,17 @@ double quantile_of(int64_t n, double values[], int64_t k) {
     return values[k];
 }
 
-double tss_median(int64_t n, const double values[n], double work[n]) {
+/** Return the median of some numbers [n]. */
+ENTRY double tss_median(int64_t n, const double values[n], WORK double work[n]) {
     memcpy(work, values, (size_t)n * sizeof *work);
     return median_of(n, work);
 }
 
-void tss_isotonic_regression(
-    int64_t n, const double x[n], const double weight[n], double result[n], double work[3][n]) {
+/** Return the nearest non-decreasing sequence in weighted least squares (pool adjacent violators).
+
+Parameters: values and positive weights [n]. */
+ENTRY void tss_isotonic_regression(
+    int64_t n, const double x[n], const double weight[n], OUT double result[n], WORK double work[3][n]) {
     double *level = work[0], *mass = work[1], *count = work[2];
     int64_t top = 0;
     for (int64_t i = 0; i < n; i++, top++) {
@@ -63,7 +67,8 @@ void tss_isotonic_regression(
         for (int64_t k = 0; k < (int64_t)count[block]; k++) result[i++] = level[block];
 }
 
-int64_t tss_has_avx2(void) {
+/** Whether this processor has AVX2. */
+ENTRY int64_t tss_has_avx2(void) {
 #if defined(__x86_64__)
     return __builtin_cpu_supports("avx2") != 0;
 #else

@@ -107,15 +107,22 @@ static int64_t no_step(int64_t k, const double *before, double *after, double en
     return code;
 }
 
-int64_t tss_step_bars(
+/** Step bars of the base model on the route `now`, or `before` where `compare` and it has not moved.
+
+`length_before` [m] is below 0 where a longer route does not stretch the tendon; the load has a `stiffness`
+[N/m]. Returns STEPPED, NO_EQUILIBRIUM, RUNS_AWAY (of a dead weight) or
+STUCK_FAST (friction beyond `most_friction` = μΦ), the new memory, and `ends`: position of drive and load,
+elongation [m], solves, length of the route [m], whether it moved, slip of the first contact, and the range of
+tensions that holds a dead weight [N] or else μΦ. `drive` is a tension [N] or, unless `by_force`, a position
+[m]; `position` is where the drive was [m]. */
+ENTRY int64_t tss_step_bars(
     int64_t k, const double edge[k], const double memory[9 * (k + 1) + 7], int64_t p,
     const double before_length[p], const double before_angle[p], const double before_covariance[2 * p][2 * p],
     int64_t q, const double now_length[q], const double now_angle[q],
     const double now_covariance[2 * q][2 * q], int64_t compare, double friction, double compliance,
     double pretension, double stiffness, double most_friction, double length_before,
-    double drive, int64_t by_force, double position, double after[9 * (k + 1) + 7], double ends[9],
-    double plant[17 * (k + 1) + 430],
-    double work[48][k + 1]) {
+    double drive, int64_t by_force, double position, OUT double after[9 * (k + 1) + 7], OUT double ends[9],
+    WORK double plant[17 * (k + 1) + 430], WORK double work[48][k + 1]) {
     no_step(k, memory, after, ends, NO_EQUILIBRIUM);
     if (k < 2 || p == 0 || q == 0) return NO_EQUILIBRIUM;
     int stays =

@@ -259,15 +259,22 @@ static void step_beside(
     for (int64_t a = 0; a < m; a++) own[a] = z[a] + turn[a];
 }
 
-int64_t tss_march_beside(
+/** Take a machine through the samples of a run, and c − 1 others beside it that differ little; docs/model.md (298).
+
+The first is marched as by `march_machine`, and the contacts of the others do what its contacts do: what they add to it
+is exact to first order in their differences, as derivatives need. All else is as there, with a row for each machine.
+Returns the number of samples done by the first; the memories; the coordinates; and T_in, T_out [N], x_in, x_out [m]
+of each tendon. */
+ENTRY int64_t tss_march_beside(
     int64_t c, int64_t n, int64_t k, const double plant[c][n * (17 * (k + 1) + 430)],
     const double memory[c][n * (9 * (k + 1) + 7)], int64_t m, const double proximal[c][n * m],
     const double distal[c][n * m], const double stiffness[c][m], const double holds[c][40 * m],
     const double friction[c], const double at_rest[c][m], const double start[c][m], int64_t by_force, int64_t s,
     const double spans[s], const double drive[c][s * n], const double end[c][s * n],
-    const double load[c][s * m], const double warmth[s], double after[c][n * (9 * (k + 1) + 7)],
-    double coordinate[c][s * m], double ends[c][s * 4 * n], double trial[n][9 * (k + 1) + 7],
-    double room[c * n][96], double lines[n][17 * (k + 1)], double change[2 * n][k + 1], double work[24 + n][k + 1]) {
+    const double load[c][s * m], const double warmth[s], OUT double after[c][n * (9 * (k + 1) + 7)],
+    OUT double coordinate[c][s * m], OUT double ends[c][s * 4 * n], WORK double trial[n][9 * (k + 1) + 7],
+    WORK double room[c * n][96], WORK double lines[n][17 * (k + 1)], WORK double change[2 * n][k + 1],
+    WORK double work[24 + n][k + 1]) {
     int64_t b = k + 1, rows = ROWS * b, size = 17 * b + 430;
     double *turned = *coordinate, *read_out = *ends, *line[ROWS];
     for (int64_t i = 0; i < c * s * m; i++) turned[i] = NAN;

@@ -3,9 +3,13 @@
 
 #include <string.h>
 
-int64_t tss_step_corners(
+/** Return the corner list after a step to the tension exp(`drive`), a play operator; docs/model.md (3), (4).
+
+The list `angle` [rad], `log_tension` [ln N] becomes max(u, ln T − μφ) on a pull and min(u, ln T + μφ) on a
+release. Returns how many of `corners` (φ, ln T) there are, below 0 on a release, 0 where nothing moves. */
+ENTRY int64_t tss_step_corners(
     int64_t c, const double angle[c], const double log_tension[c], double drive, double friction,
-    double corners[2][c + 1]) {
+    OUT double corners[2][c + 1]) {
     memset(corners, 0, (size_t)(2 * (c + 1)) * sizeof(double));
     if (c == 0) return 0;
     double change = drive - log_tension[0];
@@ -43,7 +47,8 @@ static double mean_decay_moment(double x) {
     return (mean_decay(x) - exp(-x)) / x;
 }
 
-void tss_mean_decays(double x, double means[2]) { means[0] = mean_decay(x), means[1] = mean_decay_moment(x); }
+/** Return the means of exp(−xτ) and of τ·exp(−xτ) over 0 ≤ τ ≤ 1 [1]; docs/model.md (8), (12). */
+ENTRY void tss_mean_decays(double x, OUT double means[2]) { means[0] = mean_decay(x), means[1] = mean_decay_moment(x); }
 
 /* A profile of corners, and ln T and its slope over φ at the distal end of a route. */
 typedef struct {
@@ -127,10 +132,15 @@ static void transmit(
     ends[6] = along.slope_out;
 }
 
-void tss_transmit_corners(
+/** Return what a corner list [c] means on a route; docs/model.md (5)-(14).
+
+`way` is the direction index ζ. Returns `ends`: T_out and its standard error [N], elongation and its standard
+error [m], width of the dead zone [N], curve angle of the slip front [rad], d ln T_out over any angle [1/rad];
+and the derivatives of the elongation by each length, then by each angle [1], [m/rad]. */
+ENTRY void tss_transmit_corners(
     int64_t c, const double angle[c], const double log_tension[c], int64_t p, const double length[p],
     const double piece_angle[p], const double covariance[2 * p][2 * p], double compliance, double pretension,
-    double friction, int64_t way, double ends[7], double gradient[2 * p], double means[3][p]) {
+    double friction, int64_t way, OUT double ends[7], OUT double gradient[2 * p], WORK double means[3][p]) {
     if (c == 0 || p == 0) return;
     profile along = {c, angle, log_tension, 0.0, 0.0};
     transmit(
@@ -167,18 +177,19 @@ static int64_t through_bars(
     return count;
 }
 
-int64_t tss_corners_of_bars(
+/** Return how many corners (φ, ln T) go through the means of the bars and both ends, and the corners. */
+ENTRY int64_t tss_corners_of_bars(
     int64_t k, const double edge[k], const double tension[k + 1], int64_t p, const double length[p],
-    const double piece_angle[p], double corners[2][k + 1], double work[6][k + 1]) {
+    const double piece_angle[p], OUT double corners[2][k + 1], WORK double work[6][k + 1]) {
     if (k < 2 || p == 0) return 0;
     return through_bars(k, edge, tension, p, length, piece_angle, corners[0], corners[1], work[0]);
 }
 
-/* What the corners through the bars mean on a route; docs/model.md (49). */
-void tss_transmit_bars(
+/** Return what bars without effects mean on a route, as `transmit_corners`; docs/model.md (49). */
+ENTRY void tss_transmit_bars(
     int64_t k, const double edge[k], const double memory[9 * (k + 1) + 7], int64_t p, const double length[p],
     const double piece_angle[p], const double covariance[2 * p][2 * p], double compliance, double pretension,
-    double friction, int64_t way, double ends[7], double means[5][p], double work[8][k + 1]) {
+    double friction, int64_t way, OUT double ends[7], WORK double means[5][p], WORK double work[8][k + 1]) {
     if (k < 2 || p == 0) return;
     const double *tension = memory + MEMORY.tension * (k + 1);
     profile along = {0, work[6], work[7], 0.0, 0.0};

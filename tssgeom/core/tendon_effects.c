@@ -61,16 +61,19 @@ void put_on_route(
     set_contacts(k, plant, grid.angle);
 }
 
-void tss_plant_on_route(
+/** Return a plant with its contacts and saved paths as a route makes them; docs/model.md (52)-(60). */
+ENTRY void tss_plant_on_route(
     int64_t k, const double edge[k], const double plant[17 * (k + 1) + 430], int64_t p, const double length[p],
-    const double angle[p], int64_t m, const double bends[m][3], double after[17 * (k + 1) + 430],
-    double pieces[5][p + 2 * m], double work[4][k]) {
+    const double angle[p], int64_t m, const double bends[m][3], OUT double after[17 * (k + 1) + 430],
+    WORK double pieces[5][p + 2 * m], WORK double work[4][k]) {
     memcpy(after, plant, plant_bytes(k));
     if (k > 1 && p > 0) put_on_route(k, edge, after, p, length, angle, m, bends, pieces[0], work[0]);
 }
 
-/* Proximal tension from which on a slow motion reaches the load; docs/model.md (122). */
-double tss_answering(
+/** Return the proximal tension from which on a slow pull (+1) or release (−1) moves the load [N].
+
+`tension_out` is the distal tension then [N]; docs/model.md (122). */
+ENTRY double tss_answering(
     int64_t k, const double plant[17 * (k + 1) + 430], const double memory[9 * (k + 1) + 7],
     double tension_out, int64_t way) {
     bar_laws laws = laws_of(k, plant);
@@ -107,11 +110,15 @@ static double used_share(const bar_laws *laws, const bar_memory *memory, int64_t
     return laws->by_speed ? share : within(share, -1.0, 1.0);
 }
 
-void tss_transmit_with_effects(
+/** Return both ends of a tendon with effects; docs/model.md (121)-(123).
+
+`way` is the direction index ζ, `front` the contacts that slid last. Returns standard error of the elongation
+[m] and of T_out [N], width of the dead zone [N], whether the load responded, angle of the slip front [rad]. */
+ENTRY void tss_transmit_with_effects(
     int64_t k, const double edge[k], const double plant[17 * (k + 1) + 430],
     const double memory[9 * (k + 1) + 7], int64_t p, const double length[p], const double angle[p],
-    const double covariance[2 * p][2 * p], int64_t way, int64_t front, double ends[5], double gradient[3][p],
-    double work[4][k]) {
+    const double covariance[2 * p][2 * p], int64_t way, int64_t front, OUT double ends[5],
+    WORK double gradient[3][p], WORK double work[4][k]) {
     for (int i = 0; i < 5; i++) ends[i] = NAN;
     if (k < 2 || p == 0) return;
     bar_laws laws = laws_of(k, plant);
@@ -187,7 +194,11 @@ static double end_turn(double h, double g, double rise, double next) {
     return rise * next < 0.0 && fabs(turn) > 3.0 * fabs(rise) ? 3.0 * rise : turn;
 }
 
-status tss_table_of(int64_t n, const double x[n], const double y[n], double table[37]) {
+/** Return the table of a curve through n ≤ 12 points; docs/model.md (185).
+
+Its slopes are weighted harmonic means of those beside, so that it does not overshoot: Fritsch and Butland, A
+method for constructing local monotone piecewise cubic interpolants, SIAM J. Sci. Stat. Comput. 5 (1984). */
+ENTRY status tss_table_of(int64_t n, const double x[n], const double y[n], OUT double table[37]) {
     double *at = table + 1, *value = at + TABLE.most, *turn = value + TABLE.most;
     for (int64_t i = 0; i < TABLE.size; i++) table[i] = 0.0;
     if (n < 2 || n > TABLE.most) return WRONG_SIZE;
@@ -209,15 +220,17 @@ status tss_table_of(int64_t n, const double x[n], const double y[n], double tabl
     return DONE;
 }
 
-void tss_tabulated(int64_t s, const double table[37], const double x[s], double values[s]) {
+/** Return the values of a table of CURVE, constant beyond its ends; docs/model.md (185). */
+ENTRY void tss_tabulated(int64_t s, const double table[37], const double x[s], OUT double values[s]) {
     double slope;
     int sound = table[0] >= 2.0 && table[0] <= (double)TABLE.most;
     for (int64_t i = 0; i < s; i++) values[i] = sound ? table_value(table, x[i], &slope) : NAN;
 }
 
-void tss_lagged(
+/** Pass samples, straight between, through a lag [s] that stands at `given`, `read`; docs/model.md (62). */
+ENTRY void tss_lagged(
     int64_t s, const double values[s], const double spans[s], double lag, double given, double read,
-    double out[s]) {
+    OUT double out[s]) {
     for (int64_t i = 0; i < s; i++) {
         if (spans[i] > 0.0) { /* docs/model.md (62) */
             double behind = (values[i] - given) / spans[i] * lag;

@@ -33,14 +33,23 @@ static void read_sensors(const double ends[4], const double sensor[5], double re
     read[2] = ends[2] - ends[3];
 }
 
-int64_t tss_step_ensemble(
+/** Step n tendons whose plants are straight lines over d numbers; docs/model.md (201), (202).
+
+`slope` [d] is what 1 of each number adds to `plant`, `sensor_slope` [d] what it adds to gain and zero of T_in and of
+T_out and to the crosstalk, which are `sensors`; `shift` [w, d] how far the numbers of each of w tendons are from those of
+the plant. Tendon j begins as tendon `row[j]` of the w. Where the route has `moved` from that of the plant it is `length`,
+`angle` of its pieces times `gain` [w] of each. `position` [w] is where each drive was [m], `drive` [n] where it goes, [N]
+or [m]; `warmth` [K]. Returns how many were stepped, fewer where one finds no equilibrium; the memories; T_in, T_out [N],
+x_in, x_out [m] of each; and what is read of T_in and T_out [N], and of the elongation [m]. */
+ENTRY int64_t tss_step_ensemble(
     int64_t w, int64_t n, int64_t k, const double edge[k], int64_t d, const double plant[17 * (k + 1) + 430],
     const double slope[d][17 * (k + 1) + 430], const double sensors[5], const double sensor_slope[d][5],
     const double shift[w][d], const double memory[w][9 * (k + 1) + 7], const int64_t row[n], int64_t p,
     const double length[p], const double angle[p], const double gain[w], int64_t m, const double bends[m][3],
     int64_t moved, int64_t by_force, int64_t was_by_force, const double position[w], const double drive[n],
-    double span, double warmth, double after[n][9 * (k + 1) + 7], double ends[n][4], double read[n][3],
-    double own[17 * (k + 1) + 430], double pieces[6][p + 2 * m], double work[24][k + 1]) {
+    double span, double warmth, OUT double after[n][9 * (k + 1) + 7], OUT double ends[n][4],
+    OUT double read[n][3], WORK double own[17 * (k + 1) + 430], WORK double pieces[6][p + 2 * m],
+    WORK double work[24][k + 1]) {
     if (k < 2 || p == 0) return 0;
     for (int64_t j = 0; j < n; j++) {
         int64_t of = row[j];
@@ -102,13 +111,19 @@ static void moments_of(int64_t n, int64_t c, const double *values, int64_t h, do
     moments[0] = mean, moments[1] = sum / (double)(n - 1);
 }
 
-int64_t tss_assimilate(
-    int64_t n, int64_t t, int64_t k, int64_t d, int64_t c, int64_t e, double numbers[n][d],
-    double kept[n][t * (9 * (k + 1) + 7)], double now[n][t * (9 * (k + 1) + 7)], double predicted[n][c],
-    double others[n][e], const double reading[c], const double variance[c], double most_off,
-    const double lower[d], const double upper[d], double innovation[c][2], double values[d],
-    double covariance[d][d], double expected[c][2], double moments[e][2],
-    double work[2 * t * (9 * (k + 1) + 7) + d + c + e]) {
+/** Shift n members by c readings, one after the other, as an ensemble square-root filter; docs/model.md (203).
+
+`numbers` [n, d], the memories `kept` and `now` [n] of t tendons, `predicted` [n, c] and `others` [n, e] of each member are
+changed, and the numbers then held within their bounds. A reading of NaN is none, and one further off than `most_off`
+standard deviations is an outlier. Returns how many were used; the innovation of each and its variance; mean and
+covariance of the numbers; and mean and variance of what is expected of each channel, and of the others. */
+ENTRY int64_t tss_assimilate(
+    int64_t n, int64_t t, int64_t k, int64_t d, int64_t c, int64_t e, INOUT double numbers[n][d],
+    INOUT double kept[n][t * (9 * (k + 1) + 7)], INOUT double now[n][t * (9 * (k + 1) + 7)],
+    INOUT double predicted[n][c], INOUT double others[n][e], const double reading[c], const double variance[c],
+    double most_off, const double lower[d], const double upper[d], OUT double innovation[c][2],
+    OUT double values[d], OUT double covariance[d][d], OUT double expected[c][2], OUT double moments[e][2],
+    WORK double work[2 * t * (9 * (k + 1) + 7) + d + c + e]) {
     int64_t b = k + 1, size = t * (9 * b + 7), used = 0;
     double *of_kept = work, *of_now = work + size, *of_numbers = of_now + size, *of_predicted = of_numbers + d,
            *of_others = of_predicted + c;

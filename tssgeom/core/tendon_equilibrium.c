@@ -271,11 +271,18 @@ int64_t equilibrium(bar_chain *c, int hanging, int64_t from_before, int64_t from
     return solves;
 }
 
-int64_t tss_equilibrium(
+/** Return the equilibrium of bars between contacts that may stick or slide; docs/model.md (40)-(47).
+
+`trial` [N] and `stiffness` [N/m] of each bar; `cone` [6, k] is low, high [1], force [N] and drag [N/m] of
+each contact, then what it resists before it slides [N/m], inf where it does not give, and its friction before
+the step [N]; (279). `shift` [m] is the movement of a rigid proximal end; `slip` [k] a guess. `from_before`,
+`from_guess` are Newton iterations. Returns the solves spent, the tensions [N], movement [m] and slip of each
+contact, and the residual [N]. */
+ENTRY int64_t tss_equilibrium(
     int64_t k, const double trial[k + 1], const double stiffness[k + 1], const double cone[6][k],
     int64_t rigid_in, int64_t rigid_out, double shift, int64_t hanging, const double slip[k],
-    int64_t from_before, int64_t from_guess, double tension[k + 1], double contacts[2][k], double residual[1],
-    double work[20][k + 1]) {
+    int64_t from_before, int64_t from_guess, OUT double tension[k + 1], OUT double contacts[2][k],
+    OUT double residual[1], WORK double work[20][k + 1]) {
     residual[0] = NAN;
     if (k == 0) return 0;
     bar_chain c = room_of(k, work[0]).chain;

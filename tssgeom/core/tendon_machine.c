@@ -267,14 +267,23 @@ void read_ends(const sample *it, const double z[], double ends[]) {
     }
 }
 
-int64_t tss_march_machine(
+/** Take n tendons on one mechanism of m ≤ 4 coordinates through the samples of a run; docs/model.md (171)-(175).
+
+`proximal`, `distal` [n, m] are how far the drive and the load of each tendon move with each coordinate, for 1
+of it [m]; `stiffness` [m], `holds` [m, 40] (greatest force, angle where the coordinate is 0, force
+over its cube, and a table of force over it), `friction` [m] (of one coordinate alone) and `at_rest` [m] are the forces that hold the coordinates;
+`start` [m] is where they are. `drive` [s, n] is where each drive is besides [m], or `by_force` its tension [N],
+`end` [s, n] where each load is besides [m], `load` [s, m] what acts against each coordinate. A memory's row `rest` is added to that of its plant. Returns the number of samples
+done, the memories after them, the coordinates, T_in, T_out [N], x_in, x_out [m] of each tendon, and, where
+`rows` is s and not 0, the tension of each bar of each tendon [N]. */
+ENTRY int64_t tss_march_machine(
     int64_t n, int64_t k, const double plant[n][17 * (k + 1) + 430], const double memory[n][9 * (k + 1) + 7],
     int64_t m, const double proximal[n][m], const double distal[n][m], const double stiffness[m],
     const double holds[m][40], const double friction[m], const double at_rest[m], const double start[m],
     int64_t by_force, int64_t s,
     const double spans[s], const double drive[s][n], const double end[s][n], const double load[s][m],
-    const double warmth[s], int64_t rows, double after[n][9 * (k + 1) + 7], double coordinate[s][m],
-    double ends[s][4 * n], double profile[rows][n * (k + 1)], double trial[n][9 * (k + 1) + 7], double work[21 + n][k + 1]) {
+    const double warmth[s], int64_t rows, OUT double after[n][9 * (k + 1) + 7], OUT double coordinate[s][m],
+    OUT double ends[s][4 * n], OUT double profile[rows][n * (k + 1)], WORK double trial[n][9 * (k + 1) + 7], WORK double work[21 + n][k + 1]) {
     double z[MOST] = {0.0}, *turned = *coordinate, *read_out = *ends;
     for (int64_t i = 0; i < s * m; i++) turned[i] = NAN;
     for (int64_t i = 0; i < 4 * s * n; i++) read_out[i] = NAN;
@@ -302,15 +311,21 @@ int64_t tss_march_machine(
     return s;
 }
 
-int64_t tss_step_machines(
+/** Step c machines of n tendons, whose plants are straight lines over d numbers; docs/model.md (201), (175).
+
+`slope` [d] is what 1 of each number adds to the plants of all tendons, `shift` [c, d] how far the numbers of each
+machine are from those of the plants. Machine j begins with the memory in `row[j]` of w. All else is as for `march_machine`, for one sample and with a row for each
+machine. Returns how many were stepped, fewer where one finds no equilibrium; the memories of the tendons; the
+coordinates; and T_in, T_out [N], x_in, x_out [m] of each tendon. */
+ENTRY int64_t tss_step_machines(
     int64_t w, int64_t c, int64_t n, int64_t k, int64_t d, const double plant[n][17 * (k + 1) + 430],
     const double slope[d][n * (17 * (k + 1) + 430)], const double shift[c][d],
     const double memory[w][n * (9 * (k + 1) + 7)], const int64_t row[c], int64_t m, const double proximal[c][n * m],
     const double distal[c][n * m], const double stiffness[c][m], const double holds[c][40 * m],
     const double friction[c], const double at_rest[c][m], const double start[c][m], int64_t by_force,
     const double drive[c][n], const double end[c][n], const double load[c][m], double span, double warmth,
-    double after[c][n * (9 * (k + 1) + 7)], double coordinate[c][m], double ends[c][4 * n],
-    double own[n][17 * (k + 1) + 430], double work[21 + n][k + 1]) {
+    OUT double after[c][n * (9 * (k + 1) + 7)], OUT double coordinate[c][m], OUT double ends[c][4 * n],
+    WORK double own[n][17 * (k + 1) + 430], WORK double work[21 + n][k + 1]) {
     int64_t size = 17 * (k + 1) + 430;
     if (k < 2 || n < 1 || m > MOST || !isfinite(span + warmth)) return 0;
     for (int64_t j = 0; j < c; j++) {

@@ -191,11 +191,17 @@ int take_sample(
     return 1;
 }
 
-int64_t tss_march(
+/** Take the tendon through the samples of a run with every effect; docs/model.md (50)-(65).
+
+`spans` [s] is the time since the sample before, `drive` [N] or [m], `warmth` [K] since the run began, `parts`
+the steps of each sample. Returns the number of samples done, fewer where one failed; the memory after them;
+`out`: T_in, T_out [N], x_in, x_out [m], what the first and the last contact did; and, where `rows` is s and
+not 0, the tension of each bar [N]. */
+ENTRY int64_t tss_march(
     int64_t k, const double plant[17 * (k + 1) + 430], const double memory[9 * (k + 1) + 7], int64_t by_force,
     int64_t s, const double spans[s], const double drive[s], const double warmth[s], const int64_t parts[s],
-    int64_t rows, double after[9 * (k + 1) + 7], double out[6][s], double profile[rows][k + 1],
-    double work[20][k + 1]) {
+    int64_t rows, OUT double after[9 * (k + 1) + 7], OUT double out[6][s], OUT double profile[rows][k + 1],
+    WORK double work[20][k + 1]) {
     memcpy(after, memory, memory_bytes(k));
     double *read_out = *out, *tensions = *profile;
     for (int64_t i = 0; i < 6 * s; i++) read_out[i] = NAN;
@@ -233,15 +239,22 @@ static int64_t slid_from_drive(const bar_laws *laws, const bar_memory *memory, i
     return count;
 }
 
-int64_t tss_step_with_effects(
+/** Step a tendon with effects on the route `now`, or `before` where `compare` and it has not moved.
+
+`was_by_force` and `position` [m] are those of the last step, `front` its result; `warmth` [K] is NaN where it
+is as before. Returns the number of steps done, 0 where there is no equilibrium; the memory and plant after
+it; and `ends`: T_in, T_out [N], x_in, x_out [m], slip of the first and last contact, drive before [N] or [m],
+contacts that slid from the proximal end on, whether the route moved, and μΦ, beyond `most_friction` of which
+nothing is stepped. */
+ENTRY int64_t tss_step_with_effects(
     int64_t k, const double edge[k], const double plant[17 * (k + 1) + 430],
     const double memory[9 * (k + 1) + 7], int64_t p, const double before_length[p],
     const double before_angle[p], const double before_covariance[2 * p][2 * p], int64_t q,
     const double now_length[q], const double now_angle[q], const double now_covariance[2 * q][2 * q],
     int64_t m, const double bends[m][3], int64_t compare, double friction, double most_friction, double drive,
     int64_t by_force, int64_t was_by_force, double position, int64_t front, double span, double warmth,
-    double after[9 * (k + 1) + 7], double plant_after[17 * (k + 1) + 430], double ends[10],
-    double pieces[5][q + 2 * m], double work[24][k + 1]) {
+    OUT double after[9 * (k + 1) + 7], OUT double plant_after[17 * (k + 1) + 430], OUT double ends[10],
+    WORK double pieces[5][q + 2 * m], WORK double work[24][k + 1]) {
     memcpy(after, memory, memory_bytes(k));
     memcpy(plant_after, plant, plant_bytes(k));
     for (int i = 0; i < 10; i++) ends[i] = 0.0;

@@ -83,7 +83,8 @@ static void at_shares(
     result->length = whole, result->length_variance = all_lengths;
 }
 
-int64_t tss_is_unmoved(
+/** Return whether two sensed routes differ by no more than their errors; docs/model.md (80). */
+ENTRY int64_t tss_is_unmoved(
     int64_t p, const double length[p], const double angle[p], const double covariance[2 * p][2 * p],
     int64_t q, const double length_now[q], const double angle_now[q],
     const double covariance_now[2 * q][2 * q]) {
@@ -134,9 +135,13 @@ void discretise(
     grid.span[k - 1] = whole - middle_before;
 }
 
-void tss_discretise(
+/** Return what a route makes of bars and contacts; docs/model.md (41).
+
+`bars` [2, k - 1] is the length [m] of each bar in the sheath and the mean φ over it [rad]; `contacts` [2, k]
+is the curve angle of each contact [rad] and the length of sheath that belongs to it [m]. */
+ENTRY void tss_discretise(
     int64_t k, const double edge[k], int64_t p, const double length[p], const double angle[p],
-    double bars[2][k - 1], double contacts[2][k]) {
+    OUT double bars[2][k - 1], OUT double contacts[2][k]) {
     if (k < 2 || p == 0) return;
     discretise(k, edge, p, length, angle, (contact_grid){bars[0], bars[1], contacts[0], contacts[1]});
 }
@@ -179,9 +184,12 @@ int64_t add_bends(
     return p;
 }
 
-int64_t tss_add_bends(
+/** Return the number of pieces of a route with hidden bends added, and the pieces; docs/model.md (60).
+
+`bends` [m, 3] holds middle [m], angle [rad] and width [m] of each; `pieces` is lengths, then angles. */
+ENTRY int64_t tss_add_bends(
     int64_t p, const double length[p], const double angle[p], int64_t m, const double bends[m][3],
-    double pieces[2][p + 2 * m], double work[2][p + 2 * m]) {
+    OUT double pieces[2][p + 2 * m], WORK double work[2][p + 2 * m]) {
     memset(pieces, 0, (size_t)(2 * (p + 2 * m)) * sizeof(double));
     return add_bends(
         p, length, angle, m, bends, (double *[2]){pieces[0], pieces[1]}, (double *[2]){work[0], work[1]});

@@ -1,4 +1,4 @@
-"""Slow twins of the entries in `ensemble.h`: deviations of members, and readings beside what they expect."""
+"""Slow twins of the entries of an ensemble: deviations of members, and readings beside what they expect."""
 
 import numpy as np
 
