@@ -46,7 +46,7 @@ _AREA_OF_CORE = {
 }
 _OF_INPUT = (
     *("io.network.", "io.formats.blocks.", "io.formats.laboratory.text.", "summary."),
-    *("io.formats.laboratory.raw.RowLimits.sample", "io.formats.laboratory.unnamed.UnnamedLimits.rows"),
+    *("io.formats.laboratory.raw.RowLimits.sample", "io.formats.laboratory.table.UnnamedLimits.rows"),
     *("route.order.OrderLimits.most_sorted", "smoothed_frames.Window.points"),
     *("adapt.smoothing.SmoothingSettings.most_moments", "identify.mechanisms.KnotSettings.reported"),
 )

@@ -7,8 +7,7 @@ import pytest
 
 from tssgeom.core.constants import CHANCE
 from tssgeom.identify.fit_quality import is_identified
-from tssgeom.identify.machine_drive_errors import DriveErrors
-from tssgeom.identify.machine_posterior import POSTERIOR, Posterior, Profile, _Along
+from tssgeom.identify.machine_posterior import POSTERIOR, DriveErrors, Posterior, Profile, _Along
 from tssgeom.least_squares import SOLVER
 from tssgeom.statistics import NORMAL_95
 
