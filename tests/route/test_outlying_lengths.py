@@ -5,8 +5,8 @@ import pytest
 
 from tssgeom import Frame, FrameResult, Rig
 from tssgeom.engine import alone, recorded
-from tssgeom.route.outlying_lengths import outlying_lengths
 from tssgeom.route.synthetic import colon, positions
+from tssgeom.smoothed_frames import outlying_lengths
 
 COURSE = colon()
 
