@@ -83,3 +83,15 @@ def test_a_spring_alone_has_no_name():
 def test_a_weight_is_no_load_that_hardens():
     finding = finding_of(2, columns(13, torque=True, gravity_Nm=0.05))
     assert [effect.names for effect in finding.effects] == [("joint_weight",)]
+
+
+def test_a_part_that_helps_where_something_remains_is_no_whole_answer():
+    read = columns(15, torque=True)
+    angle = read["joint_angle_rad"]
+    read["joint_angle_rad"] = angle + 0.02 * (np.sin(2.0 * angle + 0.5) - np.sin(0.5))  # of a sensor's wheel
+    finding = finding_of(2, read)
+    assert finding.verdict == "partial"
+    assert [effect.names for effect in finding.effects] == [("channel_gain",)]
+    assert "Something remains that has no name here" in finding.sentence
+    before, after = held(finding, "joint_angle_rad")
+    assert 3.0 * NOISE["joint_angle_rad"] < after < 0.5 * before

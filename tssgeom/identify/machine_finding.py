@@ -156,10 +156,11 @@ class MachineWork:
 
     def _verdict(self, effects: Sequence[Candidate], close: Sequence[Part], left: float) -> Judgement:
         learnt = any(one.law is not None for one in effects)
-        name: Verdict = "tie" if close else "law" if learnt else "effect"
+        remains = left > CHANCE.clear
         if effects:
+            name: Verdict = "tie" if close else "law" if learnt else "partial" if remains else "effect"
             return Judgement(name, "", False)
-        if left <= CHANCE.clear:
+        if not remains:
             return Judgement("none", "", False)
         refused = [one for one in self.chosen.steps[0].tried if one.evidence > EVIDENCE_SCALE.very_strong]
         why = f"; of {refused[0].part.label}: {refused[0].why_not.rstrip('.')}" if refused else ""
