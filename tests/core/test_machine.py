@@ -106,6 +106,39 @@ def test_two_coordinates_of_three_tendons_are_where_the_twin_balances():
     np.testing.assert_allclose(where[0], solution.x, rtol=SOLVED)
 
 
+@pytest.mark.parametrize("names", [[], ["load_dependent_friction"], ["viscous_drag"], ["presliding"]])
+def test_a_run_is_taken_at_once_as_sample_by_sample(names):
+    """The samples of a run begin at a guess from the one before; those that are taken alone do not."""
+    rng = np.random.default_rng(5)
+    plants, memories, edges = zip(*(tendon(rng, names) for _ in range(2)), strict=True)
+    k, plant, memory = (
+        len(edges[0]),
+        np.array([p.block for p in plants]),
+        np.array([m.block for m in memories]),
+    )
+    distal, drive = np.array([[0.01], [-0.01]]), 0.02 * np.sin(np.linspace(0.0, 9.0, 60))  # one goes slack
+    given, held = (
+        np.column_stack([drive, -drive]),
+        (np.array([0.2]), np.zeros((1, 3)), np.zeros(1), np.zeros(1)),
+    )
+
+    def taken(rows, memory, at):
+        free = np.zeros((2, 1)), distal, *held, at, False
+        none = np.zeros((len(rows), 2)), np.zeros((len(rows), 1)), np.zeros(len(rows))
+        done, *made, _ = core.march_machine(k, plant, memory, *free, np.full(len(rows), 0.1), rows, *none, 0)
+        assert done == len(rows)
+        return made
+
+    after, where, ends = taken(given, memory, np.zeros(1))
+    assert np.any(ends[:, 1] == 0.0)
+    at = np.zeros(1)
+    for row, angle, end in zip(given, where, ends, strict=True):
+        memory, (at,), (alone,) = taken(row[None], memory, at)
+        np.testing.assert_allclose(at, angle, rtol=0.0, atol=1e-8)  # (175), of some 10 N on 0.2 N m/rad
+        np.testing.assert_allclose(alone, end, rtol=0.0, atol=1e-6)
+    np.testing.assert_allclose(memory, after, rtol=0.0, atol=1e-6)
+
+
 def test_what_cannot_be_balanced_ends_with_the_sample_that_failed():
     made, memory, edge = tendon(np.random.default_rng(0), [])
     done, _, where, ends, _ = core.march_machine(

@@ -74,7 +74,8 @@ step_room room_of(int64_t k, double *work) {
     c.bristle = work + 16 * b, c.kept = work + 17 * b;
     c.ratios = work + 8 * b, c.slip = (int8_t *)(work + 9 * b), c.tight = (int8_t *)(work + 10 * b);
     return (step_room){
-        c, work + 11 * b, work + 12 * b, work + 13 * b, work + 14 * b, work + 15 * b, work + 19 * b, 0};
+        c, work + 11 * b, work + 12 * b, work + 13 * b, work + 14 * b, work + 15 * b, NULL,
+        work + 19 * b, 0};
 }
 
 void begin_room(const bar_laws *laws, step_room *room) {
@@ -178,6 +179,10 @@ creep_shares creep_after(double time_constants) {
     return (creep_shares){kept, mean - kept, 1.0 - mean};
 }
 
+void set_shares(const bar_laws *laws, double span, creep_shares shares[]) {
+    for (int e = 0; laws->creeps && e < CREEPS; e++) shares[e] = creep_after(span / laws->creep_time[e]);
+}
+
 /* docs/model.md (51), (58) */
 void set_given(
     const bar_laws *laws, const bar_memory *memory, double warmth, const creep_shares shares[], double target,
@@ -211,7 +216,7 @@ static void set_bars(const bar_laws *laws, const step_room *room, const creep_sh
 static void set_cones(const bar_laws *laws, const step_room *room, double span) {
     const bar_chain *c = &room->chain;
     for (int64_t i = 0; i < laws->k; i++) {
-        double unused, factor = load_factor(laws, 0.5 * (room->about[i] + room->about[i + 1]), &unused);
+        double steep, factor = load_factor(laws, 0.5 * (room->about[i] + room->about[i + 1]), &steep);
         c->force[i] = laws->force[i], c->drag[i] = laws->drag[i] / span;
         if (laws->by_speed) {
             double slid = fabs(room->moved[i]), rise;
@@ -219,10 +224,11 @@ static void set_cones(const bar_laws *laws, const step_room *room, double span) 
             double by_speed = speed_factor(laws, slid, span, at, grows, &rise);
             double exponent = room->moved[i] >= 0.0 ? room->pulling[i] : room->releasing[i];
             double slope = room->about[i + 1] * exponent * factor * most(0.0, rise);
-            factor *= by_speed;
+            factor *= by_speed, steep *= by_speed;
             c->drag[i] += slope; /* docs/model.md (56) */
             c->force[i] -= slope * slid;
         }
+        if (room->steep) room->steep[i] = steep;
         c->low[i] = exp(-room->pulling[i] * factor - laws->fitting[i]);
         c->high[i] = exp(room->releasing[i] * factor + laws->fitting[i]);
     }
@@ -253,13 +259,11 @@ keep(const bar_laws *laws, bar_memory *memory, const bar_chain *c, const creep_s
     return 1;
 }
 
-double balance(
-    const bar_laws *laws, bar_memory *memory, step_room *room, int by_force, double target, double weight,
-    double warmth, double span, const double rest[], int64_t *solves) {
+double balance_room(
+    const bar_laws *laws, const bar_memory *memory, step_room *room, const creep_shares shares[], int by_force,
+    double target, double weight, double warmth, double span, const double rest[], int64_t *solves) {
     bar_chain *c = &room->chain;
     int64_t k = laws->k, last_bar = k;
-    creep_shares shares[CREEPS];
-    for (int e = 0; laws->creeps && e < CREEPS; e++) shares[e] = creep_after(span / laws->creep_time[e]);
     int by_movement = laws->by_speed && !(laws->late && laws->speed_gain == 0.0);
     int hanging = laws->load == 0.0, one_pass = !(laws->curved || laws->varied);
     int straight = !(laws->curved || laws->loaded || by_movement); /* a pass that balances is the last */
@@ -317,6 +321,16 @@ double balance(
             room->about[j] = full ? c->tension[j] : 0.5 * (room->about[j] + c->tension[j]);
         for (int64_t i = 0; i < k; i++) room->moved[i] = full ? c->w[i] : 0.5 * (room->moved[i] + c->w[i]);
     }
-    if (!(residual <= accepted) || !keep(laws, memory, c, shares, span)) return INFINITY;
+    if (!(residual <= accepted)) return INFINITY;
     return straight ? 0.0 : change * (SOLVER.accepted / accepted);
+}
+
+double balance(
+    const bar_laws *laws, bar_memory *memory, step_room *room, int by_force, double target, double weight,
+    double warmth, double span, const double rest[], int64_t *solves) {
+    creep_shares shares[CREEPS];
+    set_shares(laws, span, shares);
+    double change =
+        balance_room(laws, memory, room, shares, by_force, target, weight, warmth, span, rest, solves);
+    return change < INFINITY && keep(laws, memory, &room->chain, shares, span) ? change : INFINITY;
 }

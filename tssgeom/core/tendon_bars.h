@@ -65,6 +65,7 @@ typedef struct {
     double *given; /* [k+1] stretch of each bar if no contact moved [m] */
     double *about, *moved; /* [k+1] N, [k] m: the last pass */
     double *pulling, *releasing; /* [k] exponents after wear [1] */
+    double *steep; /* [k] rise of the factor of friction with the tension at each contact [1/N] */
     double *taken; /* [k] speed at which friction that follows late is taken [m/s] */
     int taken_given; /* whether `taken` was set by whoever takes the step */
 } step_room;
@@ -152,6 +153,8 @@ void range_of_drive(
     int64_t k, double weight, const double low[], const double high[], const double force[], double range[2]);
 
 creep_shares creep_after(double time_constants);
+/* The same of each element of a tendon; nothing where none creeps. */
+void set_shares(const bar_laws *laws, double span, creep_shares shares[]);
 /* Stretch that each bar would have if no contact moved [m]. */
 void set_given(
     const bar_laws *laws, const bar_memory *memory, double warmth, const creep_shares shares[], double target,
@@ -162,7 +165,11 @@ keep(const bar_laws *laws, bar_memory *memory, const bar_chain *c, const creep_s
 
 /* Start the cone of a room from the laws. */
 void begin_room(const bar_laws *laws, step_room *room);
-/* Bring a memory to a new drive by equilibrium; returns how much the last pass changed any tension [N]. */
+/* Balance a room behind a memory at a new drive; returns how much the last pass changed any tension [N]. */
+double balance_room(
+    const bar_laws *laws, const bar_memory *memory, step_room *room, const creep_shares shares[], int by_force,
+    double target, double weight, double warmth, double span, const double rest[], int64_t *solves);
+/* The same, written into the memory. */
 double balance(
     const bar_laws *laws, bar_memory *memory, step_room *room, int by_force, double target, double weight,
     double warmth, double span, const double rest[], int64_t *solves);

@@ -273,8 +273,8 @@ ENTRY int64_t tss_march_beside(
     const double spans[s], const double drive[c][s * n], const double end[c][s * n],
     const double load[c][s * m], const double warmth[s], OUT double after[c][n * (9 * (k + 1) + 7)],
     OUT double coordinate[c][s * m], OUT double ends[c][s * 4 * n], WORK double trial[n][9 * (k + 1) + 7],
-    WORK double room[c * n][96], WORK double lines[n][17 * (k + 1)], WORK double change[2 * n][k + 1],
-    WORK double work[24 + n][k + 1]) {
+    WORK double room[c * n][96], WORK double own_room[n][96], WORK double lines[n][17 * (k + 1)],
+    WORK double change[2 * n][k + 1], WORK double work[24 + 22 * n][k + 1]) {
     int64_t b = k + 1, rows = ROWS * b, size = 17 * b + 430;
     double *turned = *coordinate, *read_out = *ends, *line[ROWS];
     for (int64_t i = 0; i < c * s * m; i++) turned[i] = NAN;
@@ -282,6 +282,7 @@ ENTRY int64_t tss_march_beside(
     memcpy(*after, *memory, (size_t)(c * n) * memory_bytes(k));
     if (c < 1 || k < 2 || n < 1 || m > MOST) return 0;
     placed *places = (placed *)*room;
+    pulled *tendons = begin_tendons(n, k, plant[0], *own_room, work[24 + n]);
     for (int64_t j = 0; j < c; j++)
         for (int64_t i = 0; i < n; i++)
             places[j * n + i] = begin_at(k, plant[j] + i * size, after[j] + i * (9 * b + 7));
@@ -297,7 +298,7 @@ ENTRY int64_t tss_march_beside(
         sample it = {
             n, k, m, plant[0], proximal[0], distal[0], stiffness[0], holds[0], at_rest[0], drive[0] + g * n,
             end[0] + g * n, load[0] + g * m, (int)by_force, m == 1 ? friction[0] : 0.0, 0.0,
-            most(BAR.least_time, spans[g]), warmth[g], after[0], *trial, work[20], work[0], work[24]};
+            most(BAR.least_time, spans[g]), warmth[g], after[0], *trial, work[20], work[24], tendons, g > 0};
         if (!solve_balance(&it, z)) return g;
         memset(*change, 0, (size_t)(2 * n * b) * sizeof(double));
         for (int64_t i = 0; i < n; i++) rows_of(k, *lines + i * rows, line), straighten(places + i, &it, i, z, line, work[21]);
@@ -308,7 +309,7 @@ ENTRY int64_t tss_march_beside(
             sample beside = {
                 n, k, m, plant[j], proximal[j], distal[j], stiffness[j], holds[j], at_rest[j],
                 drive[j] + g * n, end[j] + g * n, load[j] + g * m, (int)by_force, m == 1 ? friction[j] : 0.0,
-                0.0, it.span, it.warmth, after[j], after[j], work[20], work[0], work[24]};
+                0.0, it.span, it.warmth, after[j], after[j], work[20], work[24], NULL, 0};
             if (it.friction > 0.0) beside.slides = copysign(beside.friction, it.slides);
             for (int64_t a = 0; a < m; a++) own[a] = g > 0 ? coordinate[j][(g - 1) * m + a] : start[j][a];
             step_beside(places + j * n, &it, &beside, z, was, left, slope, *lines, *change, own, work[0]);

@@ -6,85 +6,6 @@
 
 #include <string.h>
 
-/* Tensions at both ends [N], and their derivatives by the position of the drive and of the load [N/m]. */
-typedef struct {
-    double in, out, in_by_in, in_by_out, out_by_in, out_by_out;
-} end_forces;
-
-/* Stretch per tension of one bar [m/N]; 0 where nothing of it moves. */
-static double softness(const bar_chain *c, int64_t j) {
-    return c->stiffness[j] > 0.0 ? 1.0 / c->stiffness[j] : 0.0;
-}
-
-/* Ratio of the tensions behind and before a contact, and its friction for each metre that it moves; returns
-   whether it moves at all. */
-static int moves(const bar_chain *c, int64_t i, double *ratio, double *drag) {
-    *ratio = c->slip[i] == PULLED ? c->low[i] : c->slip[i] == RELEASED ? c->high[i] : 1.0;
-    *drag = c->slip[i] == STUCK ? c->bristle[i] : c->drag[i];
-    return *drag < INFINITY;
-}
-
-/* Slopes of both tensions: a contact that moves passes a change on, one that does not ends it; (174), (280). */
-static end_forces slopes_of(const bar_chain *c, int by_force) {
-    int64_t k = c->k, first = 0, last = k - 1; /* contacts that do not move, the nearest to drive and load */
-    end_forces f = {.in = c->tension[0], .out = c->tension[k]};
-    double ratio, drag, share = 1.0, sides = 1.0;
-    while (first < k && moves(c, first, &ratio, &drag)) first++;
-    while (last >= 0 && moves(c, last, &ratio, &drag)) last--;
-    if (!by_force && f.in > 0.0) { /* as the drive feels it */
-        double soft = softness(c, first);
-        for (int64_t i = first - 1; i >= 0; i--) {
-            moves(c, i, &ratio, &drag);
-            double behind = ratio / (1.0 / soft + drag);
-            soft = softness(c, i) + behind;
-            share *= softness(c, i) == 0.0 ? behind > 0.0 : behind / soft;
-            sides *= ratio;
-        }
-        f.in_by_in = 1.0 / soft;
-        if (first < k) share = 0.0;
-        if (share > 0.0) f.out_by_in = share / softness(c, k), f.in_by_out = -f.out_by_in / sides;
-    }
-    if (f.out > 0.0) { /* as the load feels it */
-        double soft = last >= 0 ? softness(c, last + 1) : by_force ? INFINITY : softness(c, 0);
-        for (int64_t i = last + 1; i < k; i++) {
-            moves(c, i, &ratio, &drag);
-            soft = softness(c, i + 1) + 1.0 / (ratio / soft + drag);
-        }
-        f.out_by_out = -1.0 / soft;
-    }
-    return f;
-}
-
-/* Bring one tendon to a trial of the coordinates; returns whether it is in equilibrium. */
-static int try_tendon(const sample *it, int64_t i, const double z[], end_forces *f) {
-    int64_t k = it->k, size = 9 * (k + 1) + 7, solves;
-    const double *before = it->before + i * size;
-    double *block = it->trial + i * size, drive = it->drive[i], end = it->end[i];
-    for (int64_t j = 0; j < it->m; j++) {
-        drive += it->proximal[i * it->m + j] * z[j];
-        end += it->distal[i * it->m + j] * z[j];
-    }
-    memcpy(block, before, memory_bytes(k));
-    bar_laws laws = laws_of(k, it->plant + i * (17 * (k + 1) + 430));
-    bar_memory memory = memory_of(k, block);
-    step_room room = room_of(k, it->work);
-    begin_room(&laws, &room);
-    if (laws.speed_memory > 0.0) room.taken = it->taken + i * (k + 1), room.taken_given = 1;
-    double target = drive, engaged = memory.held[HELD.engaged];
-    if (!it->by_force) target = least(drive + laws.backlash, most(drive, engaged)); /* docs/model.md (59) */
-    memory.held[HELD.time] += it->span;
-    if (laws.worn) set_step_factor(&laws, &memory, memory.held[HELD.time]);
-    for (int64_t j = 0; j <= k; j++) it->rest[j] = laws.rest[j] + memory.rest[j];
-    it->rest[k] -= end; /* docs/model.md (172) */
-    double change =
-        balance(&laws, &memory, &room, it->by_force, target, 0.0, it->warmth, it->span, it->rest, &solves);
-    if (!(change <= 1e2 * SOLVER.accepted)) return 0;
-    memory.held[HELD.engaged] = target, memory.held[HELD.drive] = drive;
-    *f = slopes_of(&room.chain, it->by_force);
-    if (target == engaged && laws.backlash > 0.0) f->in_by_in = f->out_by_in = 0.0;
-    return 1;
-}
-
 double held_by(const double law[], double z) {
     const double *table = table_of(law + 3, 0);
     double slope, more = table ? table_value(table, z, &slope) : 0.0;
@@ -98,6 +19,30 @@ double held_slope(const double law[], double z) {
     return law[0] * cos(z + law[1]) + 3.0 * law[2] * z * z + slope;
 }
 
+/* How the forces that are left follow from the coordinates [m][m], and where asked for by how much they are changed
+   from those of the sample before by what acts [m]. */
+static void follow_forces(const sample *it, const double z[], double slope[], double changed[]) {
+    int64_t n = it->n, m = it->m;
+    for (int64_t a = 0; a < m; a++) {
+        for (int64_t b = 0; b < m; b++)
+            slope[a * m + b] = a == b ? -it->stiffness[a] - held_slope(it->holds + HOLDS * a, z[a]) : 0.0;
+        if (changed) changed[a] = (it->load - m)[a] - it->load[a];
+    }
+    for (int64_t i = 0; i < n; i++) {
+        end_forces f = it->tendons[i].forces;
+        const double *in = it->proximal + i * m, *out = it->distal + i * m;
+        for (int64_t a = 0; a < m; a++) {
+            for (int64_t b = 0; b < m; b++)
+                slope[a * m + b] += out[a] * (f.out_by_in * in[b] + f.out_by_out * out[b])
+                                    - in[a] * (f.in_by_in * in[b] + f.in_by_out * out[b]);
+            if (!changed) continue;
+            double drive = it->drive[i] - (it->drive - n)[i], end = it->end[i] - (it->end - n)[i];
+            changed[a] += out[a] * (f.out_by_in * drive + f.out_by_out * end)
+                          - in[a] * (f.in_by_in * drive + f.in_by_out * end);
+        }
+    }
+}
+
 /* Forces that are left on the coordinates [m], and their derivatives [m][m]; docs/model.md (173). */
 static int try_all(const sample *it, const double z[], double left[], double slope[], double *scale) {
     int64_t m = it->m;
@@ -106,21 +51,17 @@ static int try_all(const sample *it, const double z[], double left[], double slo
         double spring = it->stiffness[a] * z[a], weight = held_by(it->holds + HOLDS * a, z[a]);
         left[a] = -it->at_rest[a] - it->load[a] - it->slides - spring - weight;
         *scale = most(*scale, fabs(it->at_rest[a]) + fabs(spring) + fabs(weight)); /* where all tendons are slack */
-        for (int64_t b = 0; b < m; b++)
-            slope[a * m + b] = a == b ? -it->stiffness[a] - held_slope(it->holds + HOLDS * a, z[a]) : 0.0;
     }
     for (int64_t i = 0; i < it->n; i++) {
-        end_forces f;
-        if (!try_tendon(it, i, z, &f)) return 0;
+        if (!try_tendon(it, i, z)) return 0;
+        end_forces f = it->tendons[i].forces;
         const double *in = it->proximal + i * m, *out = it->distal + i * m;
         for (int64_t a = 0; a < m; a++) {
             *scale = most(*scale, fabs(out[a] * f.out) + fabs(in[a] * f.in) + fabs(it->load[a]));
             left[a] += out[a] * f.out - in[a] * f.in;
-            for (int64_t b = 0; b < m; b++)
-                slope[a * m + b] += out[a] * (f.out_by_in * in[b] + f.out_by_out * out[b])
-                                    - in[a] * (f.in_by_in * in[b] + f.in_by_out * out[b]);
         }
     }
+    follow_forces(it, z, slope, NULL);
     return 1;
 }
 
@@ -220,34 +161,52 @@ static int solve_at_speeds(const sample *it, double z[]) {
 static void guess_speeds(const sample *it, const double z[]) {
     int64_t k = it->k, b = k + 1;
     for (int64_t i = 0; i < it->n; i++) {
-        bar_laws laws = laws_of(k, it->plant + i * (17 * b + 430));
+        const bar_laws *laws = &it->tendons[i].laws;
         bar_memory before = memory_of(k, (double *)it->before + i * (9 * b + 7));
         double drive = it->drive[i], engaged = before.held[HELD.engaged];
         for (int64_t a = 0; a < it->m; a++) drive += it->proximal[i * it->m + a] * z[a];
-        double pulled = (least(drive + laws.backlash, most(drive, engaged)) - engaged) / it->span;
+        double speed = (least(drive + laws->backlash, most(drive, engaged)) - engaged) / it->span;
         for (int64_t c = 0; c < k; c++) {
             double was = before.speed[c];
-            it->taken[i * b + c] = fabs(it->by_force ? was : followed_speed(&laws, was, pulled, it->span));
+            it->taken[i * b + c] = fabs(it->by_force ? was : followed_speed(laws, was, speed, it->span));
         }
     }
 }
 
-int solve_balance(const sample *it, double z[]) {
+/* Move the coordinates to where all forces balance, from where they are; returns whether they do. */
+static int solve_from(const sample *it, double z[]) {
     int64_t k = it->k, b = k + 1, size = 9 * b + 7;
-    bar_laws laws = laws_of(k, it->plant); /* all tendons have one law of speed */
-    speed_search search = search_speeds(&laws);
-    if (search.close < 0.0) return solve_at_speeds(it, z);
+    speed_search search = search_speeds(&it->tendons[0].laws); /* all tendons have one law of speed */
+    if (search.close < 0.0) return solve_at_speeds(it, z) && keep_trial(it);
     double start = z[0];
     guess_speeds(it, z);
     for (int64_t pass = 0; pass < SOLVER.full_passes; pass++) {
         if (it->friction > 0.0) z[0] = start; /* it holds where the sample began */
-        if (!solve_at_speeds(it, z)) return 0;
+        if (!solve_at_speeds(it, z) || !keep_trial(it)) return 0;
         const double *followed = it->trial + MEMORY.speed * b;
         for (int64_t i = 0; i < it->n; i++) compare_speeds(&search, k, it->taken + i * b, followed + i * size);
         if (!go_on(&search)) break;
         for (int64_t i = 0; i < it->n; i++) renew_speeds(&search, k, it->taken + i * b, followed + i * size);
     }
     return 1;
+}
+
+int solve_balance(const sample *it, double z[]) {
+    int64_t m = it->m;
+    double slope[MOST * MOST], changed[MOST], step[MOST] = {0.0}, start[MOST];
+    int alone = it->goes_on && !(it->friction > 0.0); /* there is one balance: what holds grows everywhere */
+    for (int64_t a = 0; a < m; a++) {
+        const double *law = it->holds + HOLDS * a;
+        alone &= it->stiffness[a] > 0.0 && law[0] == 0.0 && law[3] == 0.0;
+    }
+    if (!alone) return solve_from(it, z);
+    memcpy(start, z, (size_t)m * sizeof(double));
+    follow_forces(it, z, slope, changed);
+    solve_step(m, slope, changed, step); /* docs/model.md (347) */
+    for (int64_t a = 0; a < m; a++) z[a] += step[a];
+    if (solve_from(it, z)) return 1;
+    memcpy(z, start, (size_t)m * sizeof(double));
+    return solve_from(it, z);
 }
 
 void read_ends(const sample *it, const double z[], double ends[]) {
@@ -283,7 +242,8 @@ ENTRY int64_t tss_march_machine(
     int64_t by_force, int64_t s,
     const double spans[s], const double drive[s][n], const double end[s][n], const double load[s][m],
     const double warmth[s], int64_t rows, OUT double after[n][9 * (k + 1) + 7], OUT double coordinate[s][m],
-    OUT double ends[s][4 * n], OUT double profile[rows][n * (k + 1)], WORK double trial[n][9 * (k + 1) + 7], WORK double work[21 + n][k + 1]) {
+    OUT double ends[s][4 * n], OUT double profile[rows][n * (k + 1)], WORK double trial[n][9 * (k + 1) + 7],
+    WORK double room[n][96], WORK double work[1 + 22 * n][k + 1]) {
     double z[MOST] = {0.0}, *turned = *coordinate, *read_out = *ends;
     for (int64_t i = 0; i < s * m; i++) turned[i] = NAN;
     for (int64_t i = 0; i < 4 * s * n; i++) read_out[i] = NAN;
@@ -292,6 +252,7 @@ ENTRY int64_t tss_march_machine(
     for (int64_t i = 0; i < rows * n * (k + 1); i++) tensions[i] = NAN;
     if (k < 2 || n < 1 || m > MOST || (rows != 0 && rows != s)) return 0;
     for (int64_t a = 0; a < m; a++) z[a] = start[a];
+    pulled *tendons = begin_tendons(n, k, *plant, *room, work[1 + n]);
     for (int64_t g = 0; g < s; g++) {
         double sum = spans[g] + warmth[g];
         for (int64_t i = 0; i < n; i++) sum += drive[g][i] + end[g][i];
@@ -299,7 +260,7 @@ ENTRY int64_t tss_march_machine(
         if (!isfinite(sum)) return g;
         sample it = {
             n, k, m, *plant, *proximal, *distal, stiffness, *holds, at_rest, drive[g], end[g], load[g],
-            (int)by_force, m == 1 ? friction[0] : 0.0, 0.0, most(BAR.least_time, spans[g]), warmth[g], *after, *trial, work[20], work[0], work[21]};
+            (int)by_force, m == 1 ? friction[0] : 0.0, 0.0, most(BAR.least_time, spans[g]), warmth[g], *after, *trial, work[0], work[1], tendons, g > 0};
         if (!solve_balance(&it, z)) return g;
         memcpy(*after, *trial, (size_t)n * memory_bytes(k));
         for (int64_t a = 0; a < m; a++) coordinate[g][a] = z[a];
@@ -325,7 +286,7 @@ ENTRY int64_t tss_step_machines(
     const double friction[c], const double at_rest[c][m], const double start[c][m], int64_t by_force,
     const double drive[c][n], const double end[c][n], const double load[c][m], double span, double warmth,
     OUT double after[c][n * (9 * (k + 1) + 7)], OUT double coordinate[c][m], OUT double ends[c][4 * n],
-    WORK double own[n][17 * (k + 1) + 430], WORK double work[21 + n][k + 1]) {
+    WORK double own[n][17 * (k + 1) + 430], WORK double room[n][96], WORK double work[1 + 22 * n][k + 1]) {
     int64_t size = 17 * (k + 1) + 430;
     if (k < 2 || n < 1 || m > MOST || !isfinite(span + warmth)) return 0;
     for (int64_t j = 0; j < c; j++) {
@@ -340,7 +301,7 @@ ENTRY int64_t tss_step_machines(
         sample it = {
             n, k, m, *own, proximal[j], distal[j], stiffness[j], holds[j], at_rest[j], drive[j], end[j],
             load[j], (int)by_force, m == 1 ? friction[j] : 0.0, 0.0, most(BAR.least_time, span), warmth,
-            memory[row[j]], after[j], work[20], work[0], work[21]};
+            memory[row[j]], after[j], work[0], work[1], begin_tendons(n, k, *own, *room, work[1 + n]), 0};
         if (!solve_balance(&it, coordinate[j])) return j;
         read_ends(&it, coordinate[j], ends[j]);
     }
