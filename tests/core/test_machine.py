@@ -11,7 +11,7 @@ from tests.adapt.machine_cases import arcs_of, rig_of
 from tests.core.twins.tendon_laws import balanced, remembered, unpacked, workspace
 from tests.twins.mechanisms import segment
 from tssgeom import core
-from tssgeom.core.constants_tendon_rows import LAW, PLANT
+from tssgeom.core.constants_tendon_rows import LAW, PLANT, TABLE
 from tssgeom.effects import KINDS, Setup, together, with_size
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.bars.contact_grid import equal_edges
@@ -35,6 +35,11 @@ def tendon(rng, names):
     return made, memory_of(tension, creep=made.rows[LAW.creep_soft] * 5.0), edge
 
 
+def holding(*rows):
+    """What holds coordinates by weight and hardening, without a table."""
+    return np.array([[*row, *np.zeros(TABLE.size)] for row in rows])
+
+
 def twin_ends(laws, memory, drive, end, span):
     """Return what a step to these positions of both ends leaves."""
     after, _ = remembered(memory.block)
@@ -56,7 +61,7 @@ def test_a_joint_between_two_tendons_is_where_the_twin_balances(name):
         given = np.array([[drive, -drive]])
         done, after, where, ends, _ = core.march_machine(
             len(edges[0]), np.array([p.block for p in plants]), np.array([m.block for m in memories]),
-            np.zeros((2, 1)), distal, np.array([stiffness]), np.array([[0.03, 0.2, 0.5]]), np.zeros(1),
+            np.zeros((2, 1)), distal, np.array([stiffness]), holding([0.03, 0.2, 0.5]), np.zeros(1),
             np.zeros(1), np.zeros(1), False, np.ones(1), given, np.zeros((1, 2)), np.array([[load]]),
             np.zeros(1), 0,
         )  # fmt: skip
@@ -87,7 +92,7 @@ def test_two_coordinates_of_three_tendons_are_where_the_twin_balances():
     given = np.array([[2e-3, -1e-3, -0.5e-3]])
     done, _, where, _, _ = core.march_machine(
         len(edges[0]), np.array([p.block for p in plants]), np.array([m.block for m in memories]),
-        np.zeros((3, 2)), distal, stiffness, np.zeros((2, 3)), np.zeros(2), np.zeros(2),
+        np.zeros((3, 2)), distal, stiffness, np.zeros((2, 40)), np.zeros(2), np.zeros(2),
         np.zeros(2), False, np.ones(1),
         given, np.zeros((1, 3)), np.zeros((1, 2)), np.zeros(1), 0,
     )  # fmt: skip
@@ -119,7 +124,7 @@ def test_a_run_is_taken_at_once_as_sample_by_sample(names):
     distal, drive = np.array([[0.01], [-0.01]]), 0.02 * np.sin(np.linspace(0.0, 9.0, 60))  # one goes slack
     given, held = (
         np.column_stack([drive, -drive]),
-        (np.array([0.2]), np.zeros((1, 3)), np.zeros(1), np.zeros(1)),
+        (np.array([0.2]), np.zeros((1, 40)), np.zeros(1), np.zeros(1)),
     )
 
     def taken(rows, memory, at):
@@ -143,7 +148,7 @@ def test_what_cannot_be_balanced_ends_with_the_sample_that_failed():
     made, memory, edge = tendon(np.random.default_rng(0), [])
     done, _, where, ends, _ = core.march_machine(
         len(edge), made.block[None], memory.block[None], np.zeros((1, 1)), np.ones((1, 1)), np.ones(1),
-        np.zeros((1, 3)), np.zeros(1), np.full(1, 5.0), np.zeros(1), False, np.ones(3),
+        np.zeros((1, 40)), np.zeros(1), np.full(1, 5.0), np.zeros(1), False, np.ones(3),
         np.array([[0.0], [np.nan], [0.0]]),
         np.zeros((3, 1)), np.zeros((3, 1)), np.zeros(3), 3,
     )  # fmt: skip
@@ -172,7 +177,8 @@ def test_many_machines_are_stepped_as_each_by_itself():
     shift, drive = rng.uniform(0.0, 0.2, (machines, 1)), rng.uniform(-1e-3, 1e-3, (machines, 3))
     stiffness, load = rng.uniform(0.02, 0.1, (machines, 2)), rng.uniform(-1e-3, 1e-3, (machines, 2))
     none, row = np.zeros((machines, 2)), np.zeros(machines, dtype=np.int64)
-    held = np.tile([0.01, 0.3, 0.5], 2)
+    law = core.table_of(np.array([-0.2, 0.0, 0.1]), np.array([-2e-3, 0.0, 3e-3]))
+    held = np.tile(np.concatenate([[0.01, 0.3, 0.5], law]), 2)
     done, after, where, ends = core.step_machines(
         k, plant, slope, shift, memory.reshape(1, -1), row, np.zeros((machines, 6)),
         np.tile(distal.ravel(), (machines, 1)), stiffness, np.tile(held, (machines, 1)), np.zeros(machines),
@@ -187,7 +193,7 @@ def test_many_machines_are_stepped_as_each_by_itself():
             of[LAW.low, :k] = np.exp(-of[LAW.pulling, :k] - of[LAW.fitting, :k])
             of[LAW.high, :k] = np.exp(of[LAW.releasing, :k] + of[LAW.fitting, :k])
         count, alone, at, forces, _ = core.march_machine(
-            k, own, memory, np.zeros((3, 2)), distal, stiffness[j], held.reshape(2, 3), np.zeros(2),
+            k, own, memory, np.zeros((3, 2)), distal, stiffness[j], held.reshape(2, 40), np.zeros(2),
             np.zeros(2), np.zeros(2), False, np.full(1, 0.5), drive[j][None], np.zeros((1, 3)), load[j][None],
             np.zeros(1), 0,
         )  # fmt: skip
@@ -210,7 +216,7 @@ def test_a_step_that_no_relaxation_brings_to_rest_is_relaxed_to_the_end_but_once
     """Drag of a billion times the stiffness: what rounding leaves is more than ends the iteration."""
     drive, end = np.array([[1.409], [1.975]]), np.array([[-0.471], [2.1]])
     plant, memory, none = np.ones((1, 17 * 9 + 430)), np.ones((1, 9 * 9 + 7)), np.zeros(0)
-    mechanism = np.zeros((1, 0)), np.zeros((1, 0)), none, np.zeros((0, 3)), none, none, none
+    mechanism = np.zeros((1, 0)), np.zeros((1, 0)), none, np.zeros((0, 40)), none, none, none
     begun = time.process_time()
     samples = np.array([0.66, 0.0]), drive, end, np.zeros((2, 0)), np.zeros(2)
     done, *_ = core.march_machine(8, plant, memory, *mechanism, 1, *samples, 0)
