@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from tests.adapt.cases import follow
+from tests.twins import scenarios
 from tssgeom.adapt.hypotheses import turned
 from tssgeom.adapt.readings import Moment
 from tssgeom.route.pieces import Arcs
@@ -18,3 +20,8 @@ def test_the_sensed_angle_leaps_where_any_moment_shows_it(since, leaps):
         for k, angle in enumerate(angles)
     ]
     assert turned(moments, since) is leaps
+
+
+def test_friction_that_steps_again_is_no_play_of_size_nothing():
+    alerts = follow(scenarios.stepping_friction(10), every=4).alerts
+    assert [one.mechanism for one in alerts] == ["friction_over_time", "friction_over_time"]

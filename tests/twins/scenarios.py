@@ -85,6 +85,14 @@ def rising_friction(seed: int, hours: float = 1.0, begins_s: float = 0.0, in_min
     return _run("rising_friction", seed, hours, Plan((rise,)))
 
 
+def stepping_friction(seed: int, hours: float = 0.04, factors: tuple[float, ...] = (0.6, 1.0)) -> Scenario:
+    """Friction goes to the next of `factors` in half a second once a minute."""
+    minutes = 60.0 * np.arange(1, len(factors) + 1)
+    when = np.concatenate([[-1.0], np.column_stack([minutes, minutes + 0.5]).ravel()])
+    values = np.repeat([1.0, *factors], 2)[:-1]
+    return _run("stepping_friction", seed, hours, Plan((Change("friction", when, values),)))
+
+
 def drifting_zeros(seed: int, hours: float = 1.0) -> Scenario:
     """The zeros of T_in and T_out drift by 0.1 to 0.3 N within an hour."""
     return _run("drifting_zeros", seed, hours, Plan(zeros=_zeros(seed, hours)))

@@ -95,7 +95,7 @@ def numbering(sound: Ensemble) -> Numbering:
 
 
 def followed_so_far(sound: Ensemble, but: str) -> Iterator[FollowedNumber]:
-    """Yield what a filter follows, to be sought anew: a fault that grows slowly has been taken for drift.
+    """Yield what a filter follows, to be sought anew: a fault that grows, or one before, was taken for drift.
 
     Parameters
     ----------
@@ -153,7 +153,9 @@ def hypotheses(sound: RigFilter, moments: Sequence[Moment], since: float) -> Ite
     """Yield the mechanisms that are tried on a filter that was sound until then."""
     rig, number = sound.rig_now(), numbering(sound)
     compliance, length = rig.tendon.compliance_per_N, sound.cut.total_length
-    yield friction_changed(rig, number)
+    friction = friction_changed(rig, number)
+    yield friction
+    yield replace(friction, numbers=(*friction.numbers, *followed_so_far(sound, "friction.coefficient")))
     if not any(isinstance(effect, FrictionLaw) for effect in rig.effects):
         parts = tuple(FollowedNumber(f"part {i}", 1.0, 0.5, 0.0, 0.0, 10.0) for i in range(TRIED.parts))
         yield Hypothesis(
