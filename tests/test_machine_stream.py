@@ -99,7 +99,7 @@ def test_frame_by_frame_a_machine_does_what_simulate_does(hardware, columns):
     for name, values in expected.items():
         got = [each.machine.channels[name] for each in results]
         # a run's first step lasts as long as its second, a stream's a second: only creep knows the difference
-        close = 2e-3 * np.ptp(values) if hardware.effects else 1e-12
+        close = 2e-3 * np.ptp(values) if hardware.effects else 1e-11
         np.testing.assert_allclose(got, values, rtol=0.0, atol=close, err_msg=name)
 
 
