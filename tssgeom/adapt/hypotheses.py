@@ -155,7 +155,8 @@ def hypotheses(sound: RigFilter, moments: Sequence[Moment], since: float) -> Ite
     compliance, length = rig.tendon.compliance_per_N, sound.cut.total_length
     friction = friction_changed(rig, number)
     yield friction
-    yield replace(friction, numbers=(*friction.numbers, *followed_so_far(sound, "friction.coefficient")))
+    if others := tuple(followed_so_far(sound, "friction.coefficient")):  # else it is the same once more
+        yield replace(friction, numbers=(*friction.numbers, *others))
     if not any(isinstance(effect, FrictionLaw) for effect in rig.effects):
         parts = tuple(FollowedNumber(f"part {i}", 1.0, 0.5, 0.0, 0.0, 10.0) for i in range(TRIED.parts))
         yield Hypothesis(

@@ -21,12 +21,12 @@ from tssgeom.identify.law_fit import LAW_FIT
 from tssgeom.identify.law_smoothness import law_precision
 from tssgeom.identify.machine_run import MachineRun
 from tssgeom.identify.mechanisms import KNOTS, Mechanism, finer, friction_law, speed_law, strain_law
-from tssgeom.mechanism import numbered
+from tssgeom.mechanism import OF_END, numbered
 from tssgeom.plausibility.limits import LIMITS as PLAUSIBLE
 from tssgeom.rig import Rig
 from tssgeom.statistics import NORMAL_95
 
-ANGLE = "joint_angle_rad"
+ANGLE, _ = OF_END["joint"]
 
 
 @dataclass(frozen=True, slots=True)

@@ -48,7 +48,7 @@ def without_zero(run: Mapping[str, Vector], channel: str, rig: Rig) -> Vector:
     return values if sensor is None else (values - sensor.zero) / sensor.gain
 
 
-def channels_of(
+def read_channels(
     machine: Machine,
     run: Mapping[str, Vector],
     trace: MachineTrace,
@@ -115,17 +115,16 @@ def _motor_torque(rig: Rig, motor: Vector, ends: np.ndarray, before: Turning | N
     pulled = ends[:, :, 0] @ arms
     if rig.end.kind == "carried":
         pulled = pulled - ends[:, :, 1] @ arms
-    return (
-        pulled + rig.drive.friction_Nm * direction(motor, before) if rig.drive.friction_Nm > 0.0 else pulled
-    )
+    if rig.drive.friction_Nm > 0.0:
+        pulled = pulled + rig.drive.friction_Nm * direction(motor, before)
+    return pulled
 
 
 def _outcome(motion: Coordinates, angles: Matrix, ends: np.ndarray, before: MachineHistory) -> Matrix:
     """Return what acts on coordinates that are given [s, m]: what is left of (173)."""
     balance = motion.distal.T @ before.held[:, 1]
-    torque = (
-        ends[:, :, 1] @ motion.distal - balance - angles * motion.stiffness - held_by(motion.holds, angles)
-    )
+    torque = ends[:, :, 1] @ motion.distal - balance - angles * motion.stiffness
+    torque = torque - held_by(motion.holds, angles)
     if motion.friction > 0.0:
         torque = torque - motion.friction * direction(angles[:, 0], before.joint)[:, None]
     return torque

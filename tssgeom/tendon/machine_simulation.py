@@ -28,7 +28,7 @@ from tssgeom.tendon.machine import (
     carry_on_beside,
     held_tensions,
 )
-from tssgeom.tendon.machine_channels import channels_of, without_zero
+from tssgeom.tendon.machine_channels import read_channels, without_zero
 from tssgeom.tendon.machine_history import (
     GIVEN_DRIVES,
     DriveName,
@@ -236,7 +236,7 @@ def _finished(about: Simulation, trace: MachineTrace, after: MachineState) -> Ma
     history = before._replace(state=after, time=float(about.run["time_s"][-1]), recent=about.recent)
     if motor is not None and engaged is not None:
         history = history._replace(motor=turned(motor, engaged, before.motor))
-    channels, history = channels_of(
+    channels, history = read_channels(
         about.acts.machine, about.run, trace, motor, history, before, end_given=about.end_given
     )
     return MachineRun(channels, trace.tension, history)

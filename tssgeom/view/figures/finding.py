@@ -29,7 +29,7 @@ from tssgeom.view.figures.plots import (
     titles,
 )
 
-_SCALES = {"m": ("mm", 1e3), "m/s": ("mm/s", 1e3), "rad": ("°", 180.0 / math.pi)}
+_SCALES = {"m": ("mm", 1e3), "m/s": ("mm/s", 1e3), "rad": ("°", 180.0 / math.pi), "N·m": ("mN·m", 1e3)}
 _COLUMNS = 2
 _FEW = 8  # points that are marked; chosen
 
@@ -311,7 +311,7 @@ def _ordinate(each: Candidate, law: LawCurve) -> tuple[str, str, float]:
     unit, factor = _SCALES.get(law.unit, (law.unit, 1.0))
     if name == "strain_over_time":
         return "creep over elastic strain", "1", 1.0
-    if law.unit == "N·m":
-        return "torque against the joint", "mN·m", 1e3
+    if law.over == "joint_angle_rad":
+        return "torque against the joint", unit, factor
     what = "reading less truth" if name.startswith("sensor") else "path beside the linear one"
     return what, unit, factor

@@ -97,9 +97,7 @@ def _unit_of_times(values: Vector) -> tuple[Unit | None, str]:
     for symbol in reversed(_EPOCHS):
         if least >= _EPOCHS[symbol]:
             return UNITS[symbol], " (since 1970)"
-    steps = np.abs(np.diff(known))
-    steps = steps[steps > 0]
-    if len(steps) and (np.median(steps) > PLAUSIBLE.interval or _may_be_days(values)):
+    if _usual_step(known) > PLAUSIBLE.interval or _may_be_days(known):
         return None, ""
     return UNITS["s"], " (no unit: taken as s)"
 
@@ -107,7 +105,13 @@ def _unit_of_times(values: Vector) -> tuple[Unit | None, str]:
 def _may_be_days(values: Vector) -> bool:
     """Whether times are days of a calendar: as seconds they are more than 17 000 samples a second."""
     known = values[np.isfinite(values)]
+    step = _usual_step(known)
+    dated = step > 0.0 and any(least <= known.min() and known.max() < most for least, most in _DAYS)
+    return dated and DAY * step <= PLAUSIBLE.interval
+
+
+def _usual_step(known: Vector) -> float:
+    """Return the median of what times go on by where they go on; 0 where they do not."""
     steps = np.abs(np.diff(known))
     steps = steps[steps > 0]
-    dated = len(steps) and any(least <= np.min(known) and np.max(known) < most for least, most in _DAYS)
-    return bool(dated) and DAY * float(np.median(steps)) <= PLAUSIBLE.interval
+    return float(np.median(steps)) if len(steps) else 0.0
