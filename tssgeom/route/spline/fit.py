@@ -30,6 +30,9 @@ from tssgeom.route.steps import at_once
 class CellRules(NamedTuple):
     """When neighbouring points share their errors, as in centre lines traced in images, and what is done."""
 
+    correlation: float = -3.5
+    """Autocorrelation of the innovations below which errors are not white [standard deviations]. Chosen:
+    white ones stay above -3, the raw centre lines of an aorta are at -3.75."""
     lags: tuple[int, ...] = (1, 2, 3)
     """Lags at which innovations are correlated [points]; chosen."""
     growth: float = 2.0**0.5
@@ -158,7 +161,7 @@ def fit_in_steps(
         yield PARAMETERS * len(shape.points)
     spline, correlation = yield from _fit_white(shape, noise)
     alone = noise is None and shape.stations is None and shape.directions is None
-    if alone and clustered(shape.points, spline.route.noise) and correlation() < -CHANCE.rare:
+    if alone and clustered(shape.points, spline.route.noise) and correlation() < CELLS.correlation:
         return _fit_cells(shape, spline)
     return spline
 
@@ -192,7 +195,7 @@ def _fit_cells(shape: Shape, spline: Spline) -> Spline:
         if len(coarse.points) < CELLS.fewest_cells:
             return spline
         fitted, correlation = at_once(_fit_white(coarse, None))
-        if correlation() >= -CHANCE.rare:
+        if correlation() >= CELLS.correlation:
             break
         cell *= CELLS.growth
     finer, coarser = (_angle_in_cells(shape, cell * x) for x in (0.5**0.5, 2**0.5))
