@@ -26,7 +26,7 @@ from tssgeom.identify.machine_finding import MachineCampaign, MachineWork
 from tssgeom.identify.machine_fit import fit_round, fitted_again
 from tssgeom.identify.machine_parameters import Parameter, parameters_of
 from tssgeom.identify.machine_prediction import finely_predicted, predicted
-from tssgeom.identify.machine_problem import FIT, Problem, fitted_rows
+from tssgeom.identify.machine_problem import fitted_rows
 from tssgeom.identify.machine_run import MachineRun, machine_run
 from tssgeom.mechanism import Drive, End, GivenRoute
 from tssgeom.rig import Friction, Rig, Tendon, with_values
@@ -239,16 +239,18 @@ def _fitted_to_all(work: MachineWork) -> FittedModel:
     every = parameters_of(runs, work.campaign.rig, work.campaign.uncertain)
     own = [each for each in every if each.kind != "rig"]
     of_gain = [each for each in every if each.key == "route.angle_gain"]  # not of one route any more
-    fitted = [each for each in model.problem.parameters if each.kind == "rig"]
+    fitted = [each for each in model.problem.parameters if each.kind in ("rig", "law")]
     shared = [each for each in fitted if each.key != "route.angle_gain"] + of_gain
 
     def named(each: Parameter) -> tuple[str, str, int]:
-        return (each.kind, each.key, -1 if each.kind == "route" else each.run)
+        name = each.name if each.kind == "law" else each.key
+        return (each.kind, name, -1 if each.kind == "route" else each.run)
 
     at = {named(each): u for each, u in zip(model.problem.parameters, model.state.u, strict=True)}
     parameters = (*shared, *own)
     start = np.array([at.get(named(each), 0.0) for each in parameters])
-    problem = Problem(runs, model.problem.rig, parameters, fitted_rows(runs, held_out=None), FIT.bars)
+    rows = fitted_rows(runs, held_out=None)
+    problem = replace(model.problem, runs=runs, parameters=parameters, rows=rows, too_few_bars=())
     channels = problem.model(start)
     if channels is None:
         raise FitError("the machine has no equilibrium at the numbers of its fit")
