@@ -6,8 +6,8 @@ Source: docs/model.md (171)-(176).
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from typing import Literal, NamedTuple
+from collections.abc import Iterable, Iterator
+from typing import Literal, NamedTuple, get_args
 
 import msgspec
 import numpy as np
@@ -15,7 +15,8 @@ import numpy as np
 from tssgeom import core
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.core.constants_tendon_rows import TABLE
-from tssgeom.errors import SettingsError, require
+from tssgeom.effects import AnyEffect, Channel, LoadLaw, SensorLaw
+from tssgeom.errors import SettingsError, printable, require
 
 HOLDS = 3 + TABLE.size  # derived: three numbers and a table hold a coordinate beside its stiffness
 
@@ -256,6 +257,19 @@ def channels_of(drive: Drive, end: End) -> tuple[str, ...]:
     current = (OF_CURRENT,) if drive.torque_constant_Nm_per_A > 0.0 else ()
     tendons = (channel for name in OF_TENDON for channel in numbered(name, count))
     return (*tendons, *motor, *current, *OF_END.get(end.kind, ()))
+
+
+def require_effects(drive: Drive, end: End, effects: Iterable[AnyEffect]) -> None:
+    """Refuse laws of what a rig does not have, with a SettingsError."""
+    for each in effects:
+        if isinstance(each, LoadLaw) and end.kind != "joint":
+            raise SettingsError('effects: load_law acts on a joint, with end.kind = "joint"')
+        if isinstance(each, SensorLaw):
+            one_tendon = drive.kind == "tendon" and end.kind == "spring"
+            known = get_args(Channel) if one_tendon else channels_of(drive, end)
+            if each.channel not in known:
+                names = ", ".join(known)
+                raise SettingsError(f"effects.sensor_law: no channel {printable(each.channel)!r}: {names}")
 
 
 def numbered(name: str, count: int) -> Iterator[str]:

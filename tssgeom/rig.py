@@ -12,9 +12,9 @@ import msgspec
 import tomli_w
 
 from tssgeom.atomic import write_text
-from tssgeom.effects import AnyEffect, LoadLaw, wrong_effect
+from tssgeom.effects import AnyEffect, wrong_effect
 from tssgeom.errors import SettingsError, printable, require, require_at_least_zero, require_file
-from tssgeom.mechanism import Drive, End, GivenRoute
+from tssgeom.mechanism import Drive, End, GivenRoute, require_effects
 from tssgeom.toml_keys import with_choices, with_short_keys, without_none
 from tssgeom.uncertain import CERTAIN, Follow, RigErrors, Uncertain, keys_of, parted, path_of, require_known
 
@@ -223,8 +223,7 @@ class Rig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
     """What columns of measured files are, `channel[:unit]` by name."""
 
     def __post_init__(self) -> None:
-        if self.end.kind != "joint" and any(isinstance(each, LoadLaw) for each in self.effects):
-            raise SettingsError('effects: load_law acts on a joint, with end.kind = "joint"')
+        require_effects(self.drive, self.end, self.effects)
 
     @property
     def is_machine(self) -> bool:

@@ -3,6 +3,7 @@
 import math
 from typing import get_args
 
+import msgspec
 import numpy as np
 import pytest
 from scipy.interpolate import PchipInterpolator
@@ -11,6 +12,7 @@ from tssgeom import Arcs, core, read_rig
 from tssgeom.effects import (
     KINDS,
     LAWS,
+    ChannelLag,
     Creep,
     CreepLaw,
     CurvatureDependentFriction,
@@ -227,12 +229,15 @@ def test_friction_that_follows_from_the_steps_before_needs_no_second_pass(law):
         np.testing.assert_allclose(one[name], several[name], rtol=0.0, atol=1e-9)
 
 
-def test_laws_act_on_a_machine_but_those_of_sensors():
+def test_laws_act_on_a_machine():
     joint = End(kind="joint", radius_m=0.01)
     load = LoadLaw(x=(0.0, 1.0), torque=(0.0, 0.1))
     those = (friction("tension", [0.0, 5.0], [1.0, 0.9]), stretch("sheath", [0.0, 5.0], [0.0, 1e-3]), load)
-    sensor = SensorLaw(channel="tension_out_N", over="time", x=(0.0, 60.0), error=(0.0, 0.1))
+    sensor = SensorLaw(channel="joint_angle_rad", over="time", x=(0.0, 60.0), error=(0.0, 0.1))
     of = {"drive": Drive(kind="pair", radius_m=0.01), "end": joint}
-    assert not list(unused_parts(Rig(effects=those, **of), fitted=False))
-    assert any("sensor_law" in each for each in unused_parts(Rig(effects=(sensor,), **of), fitted=False))
+    late = ChannelLag(lag_s=0.1, channel="tension_out_N")
+    assert not list(unused_parts(Rig(effects=(*those, sensor), **of), fitted=False))
+    assert any("channel_lag" in each for each in unused_parts(Rig(effects=(late,), **of), fitted=False))
+    with pytest.raises(SettingsError, match="no channel 'tension_out_N': tension_in_1_N, "):
+        Rig(effects=(msgspec.structs.replace(sensor, channel="tension_out_N"),), **of)
     assert {kind.hook for kind in (KINDS | LAWS).values()} <= set(get_args(Hook))

@@ -87,8 +87,8 @@ def test_a_weight_is_no_load_that_hardens():
 
 def test_a_part_that_helps_where_something_remains_is_no_whole_answer():
     read = columns(15, torque=True)
-    angle = read["joint_angle_rad"]
-    read["joint_angle_rad"] = angle + 0.02 * (np.sin(2.0 * angle + 0.5) - np.sin(0.5))  # of a sensor's wheel
+    wave = 3e-3 * np.sin(2.0 * np.pi * read["time_s"] / 1.7)  # of nothing that a machine has
+    read["joint_angle_rad"] = 1.03 * read["joint_angle_rad"] + wave
     finding = finding_of(2, read)
     assert finding.verdict == "partial"
     assert [effect.names for effect in finding.effects] == [("channel_gain",)]

@@ -35,7 +35,8 @@ def laws():
 
 def test_laws_are_over_what_the_runs_reach(laws):
     over = ("tension", "speed", "arc_length", "travel", "time", "position")
-    beside = {"strain_over_tension", "load_over_position"}
+    curves = {"sensor_curve:joint_angle_rad", "sensor_curve:motor_torque_Nm"}
+    beside = {"strain_over_tension", "load_over_position", *curves}
     assert set(laws) == beside | {f"friction_over_{each}" for each in over}
     time, speed = (laws[f"friction_over_{each}"].mechanism.x for each in ("time", "speed"))
     assert time[[0, -1]] == pytest.approx([0.0, 48.0])

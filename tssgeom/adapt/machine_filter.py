@@ -21,6 +21,7 @@ from tssgeom.adapt.members import SETTINGS, Rows, Standing
 from tssgeom.adapt.readings import Moment
 from tssgeom.adapt.stepped import Stepped
 from tssgeom.arrays import Matrix, Vector
+from tssgeom.effects import SensorLaw
 from tssgeom.errors import SettingsError
 from tssgeom.mechanism import HOLDS, tendon_count
 from tssgeom.rig import Rig
@@ -82,6 +83,9 @@ class MachineFilter(Ensemble):
     def __init__(
         self, rig: Rig, numbers: Sequence[FollowedNumber], arcs: Arcs, drive: DriveName, *, seed: int = 0
     ) -> None:
+        for each in rig.effects:
+            if isinstance(each, SensorLaw):
+                raise SettingsError(f"effects.sensor_law: {each.channel} is not followed: leave it out")
         self.drive: DriveName = drive
         self.count = tendon_count(rig.drive, rig.end)
         super().__init__(rig, numbers, arcs, channels_read(rig), drive_channels(drive, self.count), seed)

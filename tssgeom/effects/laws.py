@@ -16,7 +16,7 @@ import numpy as np
 from tssgeom import core
 from tssgeom.arrays import Vector
 from tssgeom.core.constants_tendon_rows import TABLE
-from tssgeom.effects.kinds import Channel, Curve, Effect, Hook, Setup
+from tssgeom.effects.kinds import Curve, Effect, Hook, Setup
 from tssgeom.errors import SettingsError
 
 FrictionOver = Literal["tension", "speed", "curvature", "arc_length", "travel", "time", "position"]
@@ -138,7 +138,8 @@ class SensorLaw(Effect, frozen=True):
     """What a channel reads beside the truth, over the true value or over time; docs/model.md (188)."""
 
     hook: ClassVar[Hook] = "observation"
-    channel: Channel
+    channel: str
+    """Of one tendon or of a machine, by its name with the unit."""
     over: Literal["reading", "time"]
     x: tuple[float, ...]
     """[k] True value [N, m], or time since the run began [s]; increasing."""

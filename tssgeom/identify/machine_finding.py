@@ -46,7 +46,6 @@ from tssgeom.identify.machine_refit import reordered, without_part
 from tssgeom.identify.machine_run import MachineRun
 from tssgeom.identify.machine_selection import PartSelection
 from tssgeom.identify.machine_steps import PartStep, TriedPart
-from tssgeom.identify.mechanisms import MECHANISM_OF
 from tssgeom.identify.misfit import beyond_noise
 from tssgeom.identify.verdict import Judgement, remainder, sentence, times
 from tssgeom.rig import Rig, with_values
@@ -175,7 +174,7 @@ class MachineWork:
             if part.laws:
                 own = model.problem.law_effects(model.state.u)[part.name]
                 curve = self._with_nearest(after.laws[part.name], part)
-                yield Candidate((part.name,), (own,), ({},), evidence, "", curve)
+                yield Candidate((part.name.partition(":")[0],), (own,), ({},), evidence, "", curve)
                 continue
             for effect, numbers in _by_effect(part, after, None if part.of_rig else next(effects)):
                 yield Candidate((part.name,), (effect,), (numbers,), evidence, "")
@@ -183,7 +182,7 @@ class MachineWork:
     def _with_nearest(self, curve: LawCurve, part: Part) -> LawCurve:
         """Return a law with the formulae of its mechanism that were tried, and the evidence they lack."""
         tried = {one.part.label: one for step in self.chosen.steps for one in step.tried}
-        formulae = [one for one in tried.values() if MECHANISM_OF.get(one.part.name) == part.name]
+        formulae = [one for one in tried.values() if one.part.mechanism == part.name]
         own = tried[part.label].delta_bic
         return replace(curve, nearest=tuple((one.part.name, own - one.delta_bic) for one in formulae))
 

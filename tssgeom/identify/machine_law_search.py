@@ -20,7 +20,6 @@ from tssgeom.identify.machine_refit import reordered, without_part
 from tssgeom.identify.machine_run import MachineRun
 from tssgeom.identify.machine_score import Lines, PartScore, as_noise, straight_lines, with_part
 from tssgeom.identify.machine_steps import PartStep, is_far, refits
-from tssgeom.identify.mechanisms import MECHANISM_OF
 from tssgeom.statistics import EVIDENCE_SCALE
 
 
@@ -50,9 +49,9 @@ def laws_for_formulae(
     base: FittedModel, model: FittedModel, kept: Sequence[MachineRun]
 ) -> Iterator[PartStep]:
     """Yield steps to a free law instead of all formulae of its mechanism, where it is likelier; (311)."""
-    named = {MECHANISM_OF.get(part.name) for part in model.parts} - {law.name for law in model.problem.laws}
+    named = {part.mechanism for part in model.parts} - {law.name for law in model.problem.laws}
     for law in [law for law in laws_of(model) if law.name in named] if named else ():
-        those = [part.label for part in model.parts if MECHANISM_OF.get(part.name) == law.name]
+        those = [part.label for part in model.parts if part.mechanism == law.name]
         step = _instead(law, those, base, model, kept, EVIDENCE_SCALE.very_strong)
         if step is not None and step.chosen is not None:
             yield step
@@ -88,7 +87,7 @@ def without_formulae(base: FittedModel, model: FittedModel, kept: Sequence[Machi
     The law gets anew the roughness that is likeliest without them.
     """
     law = model.parts[-1]
-    those = [part.label for part in model.parts if MECHANISM_OF.get(part.name) == law.name]
+    those = [part.label for part in model.parts if part.mechanism == law.name]
     if not those:
         return model
     step = _instead(law.laws[0], [*those, law.label], base, model, kept, -EVIDENCE_SCALE.very_strong)

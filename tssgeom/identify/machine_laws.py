@@ -19,8 +19,17 @@ from tssgeom.effects import AnyEffect, LoadLaw
 from tssgeom.identify.finding import LawCurve
 from tssgeom.identify.law_fit import LAW_FIT
 from tssgeom.identify.law_smoothness import law_precision
+from tssgeom.identify.machine_parameters import unit_of
 from tssgeom.identify.machine_run import MachineRun
-from tssgeom.identify.mechanisms import KNOTS, Mechanism, finer, friction_law, speed_law, strain_law
+from tssgeom.identify.mechanisms import (
+    KNOTS,
+    Mechanism,
+    finer,
+    friction_law,
+    sensor_law,
+    speed_law,
+    strain_law,
+)
 from tssgeom.mechanism import OF_END, numbered
 from tssgeom.plausibility.limits import LIMITS as PLAUSIBLE
 from tssgeom.rig import Rig
@@ -171,6 +180,15 @@ def _mechanisms(
         if np.ptp(turned) > 0.0:
             low, high = float(turned.min()), float(turned.max())
             yield load_law(low, high, rig.end.radius_m * (most - least))
+    for channel in dict.fromkeys(name for run in runs for name in run.measured):
+        those = [run for run in runs if channel in run.measured]
+        read = np.concatenate([run.measured[channel] for run in those])
+        least, most = float(np.nanmin(read)), float(np.nanmax(read))
+        if most > least:
+            unit = KNOTS.sensor_unit * max(run.noise[channel] for run in those)
+            x = np.linspace(least, most, usual)
+            one = sensor_law(channel, "reading", x, unit, channel)
+            yield replace(one, unit=unit_of(channel))
     low, high = min(float(way.min()) for way in every), max(float(way.max()) for way in every)
     if high > low:
         yield friction_law("position", np.linspace(low, high, usual), "m")

@@ -20,6 +20,7 @@ from tssgeom.identify.fit import FIT
 from tssgeom.identify.machine_laws import FreeLaw
 from tssgeom.identify.machine_parameters import Parameter, unit_of
 from tssgeom.identify.machine_run import LIMITS, MachineRun
+from tssgeom.identify.mechanisms import MECHANISM_OF
 from tssgeom.plausibility.limits import LIMITS as PLAUSIBLE
 from tssgeom.rig import Rig, with_values
 from tssgeom.uncertain import Prior, behind_gear, keys_of
@@ -78,6 +79,12 @@ class Part:
             return f"{self.name} ({', '.join(key.split('.')[1] for key in keys_of(self.effect.key))})"
         end = getattr(self.effect, "end", "")
         return f"{self.name} ({end})" if end else self.name
+
+    @property
+    def mechanism(self) -> str | None:
+        """The mechanism that it is a formula of; a gain is one of the curve of its channel."""
+        of_gain = (f"sensor_curve:{key.split('.')[1]}" for key in self.of_rig if key.endswith(".gain"))
+        return next(of_gain, MECHANISM_OF.get(self.name))
 
     @property
     def laws(self) -> tuple[FreeLaw, ...]:
@@ -211,9 +218,7 @@ class _Choice(NamedTuple):
 
 _CHOICES = (
     _Choice("drive_play", "drive.play_rad", "Play between motor and pulley"),
-    _Choice(
-        "drive_friction", "drive.friction_Nm", "Coulomb friction of the motor, beside that of the tendons"
-    ),
+    _Choice("drive_friction", "drive.friction_Nm", "Coulomb friction of the motor, beside the tendons'"),
     _Choice("drive_slack", "drive.slack_m", "Slack of the second tendon at rest"),
     _Choice("drive_coupling", "drive.coupling", "The second tendon is let out more or less than the first"),
     _Choice("end_play", "end.play_rad", "Play between the joint and what measures its angle"),

@@ -67,7 +67,8 @@ def _reasons(before: FittedModel, after: FittedModel) -> Iterator[str]:
 def simulated_runs(model: FittedModel) -> Iterator[dict[str, Vector]]:
     """Yield every channel of each run without errors of sensors, up to one that finds no equilibrium."""
     rig = model.rig
-    plain = msgspec.structs.replace(rig, sensors={})
+    in_physics = tuple(each for each in rig.effects if each.hook != "observation")
+    plain = msgspec.structs.replace(rig, sensors={}, effects=in_physics)
     for k, run in enumerate(model.problem.runs):
         own = model.problem.of_run(model.state.u, k)
         machine = machine_of(plain, [routed(arcs, rig) for arcs in run.routes], FIT.bars)

@@ -25,7 +25,6 @@ from tssgeom.identify.machine_steps import (
     tried_part,
     with_forecasts,
 )
-from tssgeom.identify.mechanisms import MECHANISM_OF
 from tssgeom.identify.selection import SEARCH
 from tssgeom.statistics import EVIDENCE_SCALE, NORMAL_95
 
@@ -107,7 +106,7 @@ def _scores(model: FittedModel, parts: Sequence[Part]) -> Iterator[PartScore]:
     lines, sharp = straight_lines(model), straight_lines(as_noise(model)) if is_far(model) else None
     laws = {law.name for law in model.problem.laws}  # which follow any formula of their mechanism
     new = [part for part in parts if part.label not in has and not part.of_rig & freed]
-    new = [part for part in new if MECHANISM_OF.get(part.name) not in laws]
+    new = [part for part in new if part.mechanism not in laws]
     for part in new:
         if (made := score_of(part, lines, sharp)) is not None:
             yield made

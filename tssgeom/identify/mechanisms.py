@@ -268,12 +268,13 @@ def _sensors(stack: Stack, rig: Rig, knots: KnotSettings) -> Iterator[Mechanism]
         unit = KNOTS.sensor_unit * max(run.noise.get(channel, 0.0) for run in runs)
         if channel in CELLS and np.ptp(read) > 0.0:
             x = np.linspace(float(read.min()), float(read.max()), knots.usual)
-            yield _sensor(channel, "reading", x, unit, f"{channel}")
-        yield _sensor(channel, "time", np.linspace(0.0, span, knots.usual), unit, "time_s")
+            yield sensor_law(channel, "reading", x, unit, f"{channel}")
+        yield sensor_law(channel, "time", np.linspace(0.0, span, knots.usual), unit, "time_s")
     yield _lag(drive)
 
 
-def _sensor(channel: str, over: str, x: Vector, unit: float, label: str) -> Mechanism:
+def sensor_law(channel: str, over: str, x: Vector, unit: float, label: str) -> Mechanism:
+    """Return what a channel reads beside the truth, over it or over time; docs/model.md (188)."""
     knots = tuple(x.tolist())
 
     def value(u: Vector) -> Vector:
@@ -284,7 +285,7 @@ def _sensor(channel: str, over: str, x: Vector, unit: float, label: str) -> Mech
 
     name = f"{'sensor_curve' if over == 'reading' else 'sensor_drift'}:{channel}"
     even = (x - x[0]) / (x[-1] - x[0])
-    return Mechanism(name, x, even, effect, value, UNITS[channel], label, is_straight=True)
+    return Mechanism(name, x, even, effect, value, UNITS.get(channel, ""), label, is_straight=True)
 
 
 def _lag(channel: str) -> Mechanism:

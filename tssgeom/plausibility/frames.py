@@ -11,7 +11,7 @@ import numpy as np
 
 from tssgeom.arrays import Points
 from tssgeom.core.constants import CHANCE
-from tssgeom.effects import HiddenBend, named
+from tssgeom.effects import HiddenBend, SensorLaw, named
 from tssgeom.errors import SettingsError
 from tssgeom.plausibility.kinds import Remark
 from tssgeom.plausibility.limits import LIMITS
@@ -188,7 +188,9 @@ def rig_remarks(rig: Rig) -> Iterator[Remark]:
 def unused_parts(rig: Rig, *, fitted: bool) -> Iterator[str]:
     """Yield what a rig states that does not act, be it `fitted` or not, a sentence each."""
     if rig.is_machine:
-        of_sensors = [each for each in rig.effects if each.hook == "observation"]
+        of_sensors = [
+            each for each in rig.effects if each.hook == "observation" and not isinstance(each, SensorLaw)
+        ]
         if of_sensors:
             known = "give zero, gain and lag_s in [sensors.NAME], and end.play_rad"
             yield f"effects of sensors do not act on a machine ({named(of_sensors)}): {known}"

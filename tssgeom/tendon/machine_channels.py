@@ -8,6 +8,8 @@ from typing import TypeVar
 import numpy as np
 
 from tssgeom.arrays import Matrix, Vector
+from tssgeom.effects import SensorLaw
+from tssgeom.errors import SettingsError
 from tssgeom.mechanism import (
     OF_CURRENT,
     OF_END,
@@ -44,6 +46,8 @@ def without_zero(run: Mapping[str, Vector], channel: str, rig: Rig) -> Vector:
     """Return a channel without its zero and gain; nothing where the run does not have it."""
     if channel not in run:
         return np.zeros(len(run["time_s"]))
+    if any(isinstance(each, SensorLaw) and each.channel == channel for each in rig.effects):
+        raise SettingsError(f"effects.sensor_law: {channel} is given and not an answer: leave the law out")
     values, sensor = run[channel], rig.sensors.get(channel)
     return values if sensor is None else (values - sensor.zero) / sensor.gain
 

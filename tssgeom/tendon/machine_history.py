@@ -12,6 +12,9 @@ import numpy as np
 
 from tssgeom import core
 from tssgeom.arrays import Matrix, Vector
+from tssgeom.effects import SensorLaw
+from tssgeom.effects.kinds import Curve
+from tssgeom.effects.laws import curve_at
 from tssgeom.rig import Rig, Sensor
 from tssgeom.tendon.machine import MachineState
 
@@ -86,7 +89,8 @@ def read_by_sensors(
 ) -> tuple[dict[str, Vector], MachineHistory]:
     """Return what the sensors read of the channels, and what their lags leave."""
     read, lags = dict[str, Vector](), dict[str, tuple[float, float]]()
-    if rig.sensors.keys().isdisjoint(values):
+    bent = [each for each in rig.effects if isinstance(each, SensorLaw) and each.channel in values]
+    if not bent and rig.sensors.keys().isdisjoint(values):
         return dict(values), history._replace(lags=lags)
     begins = not before.lags
     spans = np.maximum(np.diff(time, prepend=time[0] if begins else before.time), 0.0)
@@ -100,4 +104,8 @@ def read_by_sensors(
             lags[name] = float(true[-1]), float(read[name][-1])
         zero = sensor.zero + drift(sensor, time - before.begun_at)
         read[name] = sensor.gain * read[name] + zero
+    for each in bent:  # docs/model.md (188)
+        curve = Curve("", each.x, each.error)
+        at = values[each.channel] if each.over == "reading" else time - before.begun_at
+        read[each.channel] = read[each.channel] + curve_at(curve, at)
     return read, history._replace(lags=lags)

@@ -276,7 +276,7 @@ def _draw(axes: Axes, each: Candidate, finding: Finding) -> None:
     name, x, unit = _abscissa(law)
     label, y_unit, factor = _ordinate(each, law)
     beside, base, whole = np.zeros(len(x)), "base model", "law"
-    if law.over == "joint_angle_rad":  # the law has no slope, so the whole is drawn
+    if each.names[0] == "load_over_position" and law.unit == "N·m":
         beside, base = finding.rig.end.stiffness_Nm_per_rad * law.x, "stiffness alone"
         whole = "stiffness and law"
     low, value, high = (factor * (each + beside) for each in (law.low, law.value, law.high))
