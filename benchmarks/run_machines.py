@@ -219,8 +219,8 @@ def _discovered(case: Case, plan: Plan) -> Discovered:
             }
             known.append(machine_run(f"run {k}", used, [route_of_rig(rig)], rig))
     work, _ = machine_work(MachineCampaign(case.name, rig, tuple(plan.uncertain), tuple(known)))
-    model = _fitted_to_all(work)
-    plain = _fitted_to_all(replace(work, chosen=replace(work.chosen, model=work.chosen.base)))
+    model = fitted_to_all(work)
+    plain = fitted_to_all(replace(work, chosen=replace(work.chosen, model=work.chosen.base)))
     parts = tuple(part.label for part in model.parts)
     names = [run.name for run in (*work.fitted, *work.kept)]
     return Discovered(
@@ -231,7 +231,7 @@ def _discovered(case: Case, plan: Plan) -> Discovered:
     )
 
 
-def _fitted_to_all(work: MachineWork) -> FittedModel:
+def fitted_to_all(work: MachineWork) -> FittedModel:
     """Fit what was chosen once more, to everything that was held out too."""
     model = work.chosen.model
     runs = (*work.fitted, *work.kept)
