@@ -29,7 +29,7 @@ from tssgeom.route.synthetic import chain
 from tssgeom.route.tracking import TrackedFit, follow
 from tssgeom.stream import Frame, FrameResult
 from tssgeom.tendon import capstan as profile
-from tssgeom.tendon.transmission import of_corners as transmit
+from tssgeom.tendon.capstan import transmit
 
 MU, RHO, PRETENSION, STIFFNESS = 0.145, 3.16e-4, 3.0, 1000.0
 """The rig: friction [1], compliance [1/N], pretension [N], distal spring [N/m]."""

@@ -33,8 +33,7 @@ from tssgeom.route.geometry import Method, measure
 from tssgeom.route.observations import clean
 from tssgeom.route.shared_errors import with_shared_errors
 from tssgeom.route.synthetic import Course
-from tssgeom.tendon.capstan import pretensioned, step
-from tssgeom.tendon.transmission import of_corners as transmit
+from tssgeom.tendon.capstan import pretensioned, step, transmit
 
 RIG = Rig()
 TENSION_IN = 15.0

@@ -38,7 +38,7 @@ from tssgeom.route.pieces import Arcs
 from tssgeom.tendon import capstan as profile
 from tssgeom.tendon.bars import base
 from tssgeom.tendon.bars.bar_state import BarState, pretensioned_bars
-from tssgeom.tendon.transmission import of_corners as transmit
+from tssgeom.tendon.capstan import transmit
 
 _COUNTS = (30, 200, 1000)
 _SCALING, _QUICK_SCALING = (200, 500, 1000, 2000, 5000, 10000), (200, 800, 3000)

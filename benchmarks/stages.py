@@ -35,8 +35,7 @@ from tssgeom.route.tracking import TrackedFit, follow
 from tssgeom.stream import Frame, FrameResult
 from tssgeom.tendon.bars import base
 from tssgeom.tendon.bars.bar_state import BARS, BarState, pretensioned_bars
-from tssgeom.tendon.capstan import Corners, pretensioned, step
-from tssgeom.tendon.transmission import of_corners as transmit
+from tssgeom.tendon.capstan import Corners, pretensioned, step, transmit
 
 NOISE = 5e-4
 """Standard deviation of each coordinate, known to every fit [m]."""

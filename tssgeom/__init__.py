@@ -33,12 +33,12 @@ if TYPE_CHECKING:
     from tssgeom.route.spline.fit import fit
     from tssgeom.route.spline.spline import Spline
     from tssgeom.stream import Frame, FrameResult, Rejected
+    from tssgeom.tendon.capstan import Transmission
     from tssgeom.tendon.command import Command
     from tssgeom.tendon.commander import Commander, commander_of
     from tssgeom.tendon.moving import MovingRoute
     from tssgeom.tendon.simulation import Moment
     from tssgeom.tendon.state import TendonState, pretensioned, step, tension, transmit
-    from tssgeom.tendon.transmission import Transmission
     from tssgeom.version import __version__ as __version__
 
 __all__ = [
@@ -138,12 +138,12 @@ _MODULES = {
     "route.spline.fit": "fit",
     "route.spline.spline": "Spline",
     "stream": "Frame FrameResult Rejected",
+    "tendon.capstan": "Transmission",
     "tendon.command": "Command",
     "tendon.commander": "Commander commander_of",
     "tendon.moving": "MovingRoute",
     "tendon.simulation": "Moment",
     "tendon.state": "TendonState pretensioned step tension transmit",
-    "tendon.transmission": "Transmission",
     "version": "__version__",
 }
 _MODULE_OF = {name: f"tssgeom.{module}" for module, names in _MODULES.items() for name in names.split()}

@@ -21,6 +21,7 @@ from tssgeom.route.route import Route
 from tssgeom.route.route_fit import RouteFit
 from tssgeom.route.tracking import TrackedFit
 from tssgeom.sensed_route import SensedRoute
+from tssgeom.tendon.capstan import Transmission
 from tssgeom.tendon.command import Command
 from tssgeom.tendon.command_error import Step, with_rig_errors
 from tssgeom.tendon.commander import Commander, Given, commander_of
@@ -29,7 +30,6 @@ from tssgeom.tendon.machine_simulation import current_notes
 from tssgeom.tendon.machine_stream import CarriedMachine, MachineMoment, greatest_pull
 from tssgeom.tendon.machine_target import name_of, possible_outputs
 from tssgeom.tendon.state import TendonState, pretensioned, transmit_after
-from tssgeom.tendon.transmission import Transmission
 
 if TYPE_CHECKING:  # a stream whose rig is not followed does not load what follows rigs
     from tssgeom.adapt.alert import Alert

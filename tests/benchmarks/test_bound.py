@@ -9,8 +9,7 @@ from benchmarks.estimators import RIG, TENSION_IN, cramer_rao, first_pull
 from tests.known_routes import truth
 from tssgeom.route.pieces import Arcs
 from tssgeom.route.synthetic import chain, half_circle, setup_a
-from tssgeom.tendon.capstan import pretensioned, step
-from tssgeom.tendon.transmission import of_corners as transmit
+from tssgeom.tendon.capstan import pretensioned, step, transmit
 
 SEVEN = truth("7 pieces", np.random.default_rng(0)).course
 

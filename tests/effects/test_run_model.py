@@ -32,7 +32,7 @@ from tssgeom.tendon.bars.bar_state import pretensioned_bars
 from tssgeom.tendon.bars.base import step
 from tssgeom.tendon.bars.contact_grid import edges, with_bends
 from tssgeom.tendon.bars.model import CHANNELS, begin, carry_on, moved, predict, prepare
-from tssgeom.tendon.transmission import of_corners as transmit
+from tssgeom.tendon.capstan import transmit
 
 SWIFT = [
     name

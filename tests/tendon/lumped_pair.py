@@ -11,7 +11,7 @@ from tssgeom.route.pieces import Arcs
 from tssgeom.tendon import capstan as profile
 from tssgeom.tendon.bars.bar_state import pretensioned_bars
 from tssgeom.tendon.bars.base import step
-from tssgeom.tendon.transmission import of_corners as transmit
+from tssgeom.tendon.capstan import transmit
 
 SPRING, BLOCKED, WEIGHT = Distal("spring", 1000.0), Distal("blocked"), Distal("weight")
 MM = 1e-3

@@ -23,8 +23,7 @@ from tests.tendon.lumped_pair import (
 )
 from tssgeom.rig import Rig, Tendon
 from tssgeom.route.pieces import Arcs
-from tssgeom.tendon.capstan import pretensioned, step
-from tssgeom.tendon.transmission import of_corners as transmit
+from tssgeom.tendon.capstan import pretensioned, step, transmit
 
 TENSION_IN, TENSION_OUT, ELONGATION = 0, 1, 2  # rows of a run
 FORCE_STILL = Case(*SETUP_B, "force", range(8), [2.0, 15.0, 8.0, 4.0, 12.0, 6.0, 9.0, 15.0])

@@ -29,7 +29,7 @@ from tssgeom.route.pieces import Arcs
 from tssgeom.tendon import capstan as profile
 from tssgeom.tendon.bars.bar_state import pretensioned_bars, to_bars, to_corners
 from tssgeom.tendon.bars.base import step
-from tssgeom.tendon.transmission import of_corners as transmit
+from tssgeom.tendon.capstan import transmit
 
 # The tension at a bar's mean angle against its mean tension: (μθ)²/24 where it slides, 2e-5 for 60 bars over
 # 3π; a corner of the profile inside a bar costs up to μθ/8 of that bar, 5e-5 of the whole, and there are few.

@@ -7,9 +7,8 @@ import pytest
 
 from tssgeom.rig import Rig, Tendon
 from tssgeom.route.pieces import Arcs
-from tssgeom.tendon.capstan import pretensioned, step
+from tssgeom.tendon.capstan import pretensioned, step, transmit
 from tssgeom.tendon.history import driven, joined, profiles
-from tssgeom.tendon.transmission import of_corners as transmit
 
 ROUTE = Arcs.exact([0.1, 0.3, 0.1], [0.0, math.pi, 0.7])
 RIG = Rig(tendon=Tendon(pretension_N=1.5))

@@ -7,8 +7,7 @@ import pytest
 
 from tssgeom.rig import Rig, Tendon
 from tssgeom.route.pieces import Arcs
-from tssgeom.tendon.capstan import pretensioned, step
-from tssgeom.tendon.transmission import of_corners as transmit
+from tssgeom.tendon.capstan import pretensioned, step, transmit
 
 MU, RHO, PI = 0.145, 3.16e-4, math.pi  # the paper's tendon and sheath, section III-B
 MM = 1e-3

@@ -16,7 +16,6 @@ from tssgeom.io.formats.states import read_state
 from tssgeom.rig import Load, Rig, Tendon
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon import capstan as profile
-from tssgeom.tendon import transmission
 from tssgeom.tendon.bars.bar_state import BarState
 from tssgeom.tendon.capstan import Corners
 from tssgeom.tendon.moving import MovingRoute, between, unmoved
@@ -64,7 +63,7 @@ def test_on_a_fixed_route_the_state_is_the_corner_list(history):
     for tension_in in history:
         corners = profile.step(corners, tension_in, MU)
     state = driven(history, HALF_CIRCLE)
-    assert transmit(state, Rig()) == transmission.of_corners(corners, HALF_CIRCLE, Rig())
+    assert transmit(state, Rig()) == profile.transmit(corners, HALF_CIRCLE, Rig())
 
 
 @given(histories)
@@ -118,7 +117,7 @@ def test_after_a_reversal_of_position_the_proximal_tension_is_that_of_the_corner
     corners = profile.pretensioned(rig)
     for tension_in in tensions:
         corners = profile.step(corners, tension_in, MU)
-        positions.append(transmission.of_corners(corners, HALF_CIRCLE, rig).displacement_in)
+        positions.append(profile.transmit(corners, HALF_CIRCLE, rig).displacement_in)
     state = pretensioned(rig)
     for location, tension_in in zip(positions, tensions, strict=True):
         state = step(state, HALF_CIRCLE, rig, displacement_in=location)

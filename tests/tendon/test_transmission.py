@@ -10,9 +10,7 @@ from hypothesis import strategies as st
 from tssgeom import core
 from tssgeom.rig import Friction, Rig, Tendon
 from tssgeom.route.pieces import Arcs
-from tssgeom.tendon.capstan import pretensioned, step
-from tssgeom.tendon.transmission import elongation_slopes
-from tssgeom.tendon.transmission import of_corners as transmit
+from tssgeom.tendon.capstan import elongation_slopes, pretensioned, step, transmit
 
 MU, RHO, PI = 0.145, 3.16e-4, math.pi  # the paper's tendon and sheath, section III-B
 HALF_CIRCLE = Arcs.exact([0.5], [PI])

@@ -21,9 +21,9 @@ from tssgeom.tendon.bars.bar_state import BarState, to_corners
 from tssgeom.tendon.bars.model import Model, model_of, moved, setup_of
 from tssgeom.tendon.bars.plant import Memory
 from tssgeom.tendon.bars.with_effects import cut, effective_setup
+from tssgeom.tendon.capstan import Transmission
 from tssgeom.tendon.moving import unmoved
 from tssgeom.tendon.state import SHARPER, TendonState, corners
-from tssgeom.tendon.transmission import Transmission
 
 
 class CarrySettings(NamedTuple):

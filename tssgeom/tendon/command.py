@@ -18,7 +18,6 @@ from tssgeom.result import Result
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
 from tssgeom.route.resolution import NO_ERRORS, SharedErrors
-from tssgeom.tendon import transmission
 from tssgeom.tendon.bars import base, with_effects
 from tssgeom.tendon.bars.bar_state import BarState
 from tssgeom.tendon.capstan import MOST_TENSION
@@ -298,7 +297,7 @@ def _answering(state: TendonState, rig: Rig, tension_out: float, way: int) -> fl
     route, along = route_of(state), state.along
     if isinstance(along, BarState) and along.has_effects:
         model = with_effects.model_on(along, route, required_setup(rig))
-        return transmission.answering(along, model, tension_out, way)
+        return with_effects.answering(along, model, tension_out, way)
     if rig.friction.coefficient * route.total_angle > MOST_FRICTION:
         raise base.too_much_friction(rig.friction.coefficient, route.total_angle)
     return tension_out * math.exp(way * rig.friction.coefficient * route.total_angle)

@@ -17,8 +17,8 @@ from tssgeom.rig import Rig, with_values
 from tssgeom.route.pieces import Arcs
 from tssgeom.route.resolution import NO_ERRORS, SharedErrors
 from tssgeom.statistics import NORMAL_95
+from tssgeom.tendon.capstan import Transmission, elongation_slopes
 from tssgeom.tendon.state import UNCHANGED, TendonState, corners, pretensioned, step, transmit
-from tssgeom.tendon.transmission import Transmission, elongation_slopes
 from tssgeom.uncertain import Uncertain, deviations
 
 _OF_ONE_TENDON = (

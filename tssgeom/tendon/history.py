@@ -14,8 +14,7 @@ from tssgeom.arrays import Matrix, Vector, read_only
 from tssgeom.core.constants import ROUNDING
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
-from tssgeom.tendon.capstan import pretensioned, step, tension
-from tssgeom.tendon.transmission import tension_and_elongation
+from tssgeom.tendon.capstan import pretensioned, step, tension, transmit
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +37,8 @@ def driven(tension_in: Iterable[float], arcs: Arcs, rig: Rig) -> History:
     state, rows = pretensioned(rig), list[tuple[float, float, float]]()
     for drive in tension_in:
         state = step(state, drive, rig.friction.coefficient)
-        rows.append((drive, *tension_and_elongation(state, arcs, rig)))
+        ends = transmit(state, arcs, rig)
+        rows.append((drive, ends.tension_out, ends.elongation))
     columns = np.array(rows, dtype=np.float64).reshape(-1, 3).T
     return History(read_only(columns[0]), read_only(columns[1]), read_only(columns[2]))
 

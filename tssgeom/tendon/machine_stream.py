@@ -18,10 +18,10 @@ from tssgeom.mechanism import channels_of, numbered, tendon_count
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
 from tssgeom.route.resolution import NO_ERRORS, SharedErrors
-from tssgeom.tendon import transmission
+from tssgeom.tendon.bars import base
 from tssgeom.tendon.bars.bar_state import BarState
 from tssgeom.tendon.bars.plant import Memory
-from tssgeom.tendon.capstan import MOST_TENSION
+from tssgeom.tendon.capstan import MOST_TENSION, Transmission
 from tssgeom.tendon.machine import Machine, machine_of, on_routes, routed
 from tssgeom.tendon.machine_channels import as_read, without_zero
 from tssgeom.tendon.machine_command import MayWait, next_command
@@ -45,7 +45,6 @@ from tssgeom.tendon.machine_target import (
 )
 from tssgeom.tendon.moving import unmoved
 from tssgeom.tendon.state import SHARPER, TendonState
-from tssgeom.tendon.transmission import Transmission
 
 
 @dataclass(frozen=True, slots=True)
@@ -297,7 +296,7 @@ def first_tendon(
         direction_index=way,
         length=route.total_length,
     )
-    ends = transmission.of_bars(along, routed(shared.on(route), rig), rig)
+    ends = base.transmit(along, routed(shared.on(route), rig), rig)
     return TendonState(along, route, history.time, ends.tension_out_se), ends
 
 

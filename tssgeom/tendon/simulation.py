@@ -15,13 +15,13 @@ from tssgeom.errors import TssgeomError
 from tssgeom.rig import Rig
 from tssgeom.tendon.bars.model import setup_of
 from tssgeom.tendon.bars.sensors import Drive, check_drive
+from tssgeom.tendon.capstan import Transmission
 from tssgeom.tendon.command import Command
 from tssgeom.tendon.command_error import Step
 from tssgeom.tendon.commander import Commander, Target, commander_of
 from tssgeom.tendon.moving import MovingRoute
 from tssgeom.tendon.sensor_errors import readings, sensors_err, true_tension
 from tssgeom.tendon.state import TendonState, pretensioned, step, transmit
-from tssgeom.tendon.transmission import Transmission
 
 Phase = Literal["pull", "pull_to_release", "release", "release_to_pull", "hold"]
 """The four phases of the paper's figure 5, those with `_to_` being dead zones; and a drive that rests."""

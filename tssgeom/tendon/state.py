@@ -17,13 +17,12 @@ from tssgeom.effects import Setup
 from tssgeom.errors import SettingsError
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
-from tssgeom.tendon import capstan, transmission
+from tssgeom.tendon import capstan
 from tssgeom.tendon.bars import base, with_effects
 from tssgeom.tendon.bars.bar_state import AT_LIMIT, BarState, end_slope, on_better_route, to_bars, to_corners
 from tssgeom.tendon.bars.with_effects import effective_setup
-from tssgeom.tendon.capstan import Corners
+from tssgeom.tendon.capstan import Corners, Transmission
 from tssgeom.tendon.moving import unmoved
-from tssgeom.tendon.transmission import Transmission
 
 HALVINGS = 4
 """The first bar is halved so often: just after a reversal T_in is known to half of that bar."""
@@ -285,11 +284,11 @@ def transmit(state: TendonState, rig: Rig) -> Transmission:
     """
     route, along = route_of(state), state.along
     if isinstance(along, Corners):
-        return transmission.of_corners(along, route, rig)
+        return capstan.transmit(along, route, rig)
     if not along.has_effects:
-        return transmission.of_bars(along, route, rig)
+        return base.transmit(along, route, rig)
     model = with_effects.model_on(along, route, required_setup(rig))
-    return transmission.of_effects(along, model, route)
+    return with_effects.transmit(along, model, route)
 
 
 def transmit_after(

@@ -13,8 +13,9 @@ from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.bars.bar_state import BarState
 from tssgeom.tendon.bars.model import check_compliance
 from tssgeom.tendon.bars.plant import Memory
-from tssgeom.tendon.capstan import check_tension
+from tssgeom.tendon.capstan import Transmission, check_tension
 
+_SOLVED = 1e-8  # ln T of bars within which the front has come through: they are solved to 1e-10
 _FARTHEST = 1e6  # beyond it a position is taken for a mistake of units or of a sensor [m]
 _RUNS_AWAY, _STUCK_FAST = 3, 4  # codes of core/tendon.h
 
@@ -181,4 +182,37 @@ def after_step(
         length=ends[4],
         iterations=int(ends[3]),
         by_force=by_force,
+    )
+
+
+def transmit(state: BarState, arcs: Arcs, rig: Rig) -> Transmission:
+    """Return tension, elongation and dead zone of bars on the route `arcs`; docs/model.md (49)."""
+    tendon, way = rig.tendon, state.direction_index
+    ends = core.transmit_bars(
+        state.edge,
+        state.memory.block,
+        arcs.length,
+        arcs.angle,
+        arcs.covariance,
+        tendon.compliance_per_N,
+        tendon.pretension_N,
+        rig.friction.coefficient,
+        way,
+    )
+    # the tension of corners through the bars scales the dead zone alone; that of the result was solved for
+    through_bars, tension_out_se, _, elongation_se, width, front, _ = ends.tolist()
+    tension_in = state.tension_in
+    inside = width > _SOLVED * max(tension_in, through_bars)  # bars are less exact than corners
+    return Transmission(
+        tension_in=tension_in,
+        tension_out=state.tension_out,
+        elongation=state.elongation,
+        elongation_se=elongation_se,
+        tension_out_se=tension_out_se,
+        direction_index=way,
+        dead_zone=inside,
+        dead_zone_width=width if inside else 0.0,
+        slip_front=front,
+        displacement_in=state.displacement_in,
+        displacement_out=state.displacement_out,
     )

@@ -26,7 +26,7 @@ from tssgeom.tendon.bars.contact_grid import bends_of, discretise, edges, with_b
 from tssgeom.tendon.bars.model import BARS, Model, begin, model_of, moved, setup_of
 from tssgeom.tendon.bars.plant import Memory, Plant, crept, memory_of
 from tssgeom.tendon.bars.sensors import Lags, has_history, sensed, with_histories
-from tssgeom.tendon.capstan import Corners, tension
+from tssgeom.tendon.capstan import Corners, Transmission, tension
 
 _BY_LENGTH = 1e-4  # rad along the whole route, so that positions on straight pieces have an order
 _SLACK = 1e-9  # N that stand for no tension in a logarithm
@@ -175,6 +175,43 @@ def driven(
         model=Model(model.setup, Plant(laws), model.drive, model.edge) if moves else model,
     )
     return after, now if moves else before
+
+
+def transmit(state: BarState, model: Model, arcs: Arcs) -> Transmission:
+    """Return tension, elongation and dead zone of a tendon with effects; docs/model.md (121)-(123)."""
+    way = state.direction_index
+    ends = core.transmit_with_effects(
+        model.edge,
+        model.plant.block,
+        state.memory.block,
+        arcs.length,
+        arcs.angle,
+        arcs.covariance,
+        way,
+        state.front,
+    )
+    elongation_se, tension_out_se, width, replied, front = ends.tolist()
+    return Transmission(
+        tension_in=state.tension_in,
+        tension_out=state.tension_out,
+        elongation=state.elongation,
+        elongation_se=elongation_se,
+        tension_out_se=tension_out_se,
+        direction_index=way,
+        dead_zone=not replied,
+        dead_zone_width=width,
+        slip_front=front,
+        displacement_in=state.displacement_in,
+        displacement_out=state.displacement_out,
+    )
+
+
+def answering(state: BarState, model: Model, tension_out: float, way: int) -> float:
+    """Return the proximal tension from which on a slow pull (+1) or release (−1) moves the load [N].
+
+    `tension_out` is the distal tension then [N]; docs/model.md (122).
+    """
+    return core.answering(len(state.edge), model.plant.block, state.memory.block, tension_out, way)
 
 
 def readings(state: BarState, setup: Setup) -> dict[str, float]:

@@ -11,8 +11,8 @@ import numpy as np
 
 from tssgeom.arrays import Vector
 from tssgeom.stream import FrameResult, Rejected
+from tssgeom.tendon.capstan import Transmission
 from tssgeom.tendon.history import last_peak
-from tssgeom.tendon.transmission import Transmission
 from tssgeom.view.samples import evenly
 
 _MOMENTS = 500  # of a run in a figure, beside the turns of its drive
