@@ -13,7 +13,6 @@ import numpy as np
 from pipelines.inputs import Refusal, inputs_of, print_reading
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.errors import ShapeError, TssgeomError
-from tssgeom.frame import require_usable
 from tssgeom.io.formats.campaigns import is_campaign, listing_of, read_campaign, read_plan
 from tssgeom.io.formats.columns import CHANNELS, MEASURED
 from tssgeom.io.formats.files import Recording, open_recording
@@ -25,7 +24,7 @@ from tssgeom.plausibility.frames import rig_remarks
 from tssgeom.plausibility.runs import run_remarks
 from tssgeom.rig import Rig, read_uncertain_rig
 from tssgeom.route.fibre.sensed import Fibre, clean_fibre, fit_fibre
-from tssgeom.sensed_route import sensed_route
+from tssgeom.sensed_route import require_usable, sensed_route
 from tssgeom.stream import Frame, Rejected
 
 _ANY_RIG = Rig()  # the geometry does not depend on it

@@ -12,11 +12,11 @@ from tests.tendon.test_machine import rig
 from tests.test_machine_stream import ANGLE, POINTS, TIME, carried, simulated
 from tssgeom import Engine, Frame
 from tssgeom.api.machine_calls import commanded_machine
-from tssgeom.frame import fit_frame
 from tssgeom.io.formats.runs import MeasuredRun
 from tssgeom.io.formats.states import read_state, write_state
 from tssgeom.mechanism import Drive, DriveLimits
 from tssgeom.rig import Sensor, with_values
+from tssgeom.sensed_route import fit_frame
 from tssgeom.tendon.commander import commander_of
 from tssgeom.tendon.machine import machine_of, routed
 from tssgeom.tendon.machine_command import command_machine

@@ -10,12 +10,12 @@ from tests.tendon.test_machine import rig
 from tssgeom import Engine, Frame, FrameResult, Rejected
 from tssgeom.effects import Creep
 from tssgeom.errors import SettingsError
-from tssgeom.frame import fit_frame
 from tssgeom.io.formats.jsonl import frame_of
 from tssgeom.io.formats.states import read_state, write_state
 from tssgeom.io.results.answers import answer
 from tssgeom.mechanism import Drive, End, GivenRoute, channels_of
 from tssgeom.rig import Friction, Rig, Sensor, Tendon
+from tssgeom.sensed_route import fit_frame
 from tssgeom.tendon.machine import machine_of, routed
 from tssgeom.tendon.machine_command import command_machine
 from tssgeom.tendon.machine_simulation import simulate_machine

@@ -8,10 +8,11 @@ import pytest
 from tests.route.test_ratio_average import random_course
 from tssgeom import smoothed_frames
 from tssgeom.engine import alone, process, recorded
-from tssgeom.frame import Frame, fit_frame
+from tssgeom.frame import Frame
 from tssgeom.rig import Rig, ShapeSensor
 from tssgeom.route.pieces import Arcs
 from tssgeom.route.synthetic import chain, positions
+from tssgeom.sensed_route import fit_frame
 from tssgeom.stream import FrameResult, Rejected
 from tssgeom.tendon.state import pretensioned, step, transmit
 

@@ -9,11 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tssgeom.arrays import Points, Vector, read_only
-from tssgeom.frame import fit_frame
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
 from tssgeom.route.synthetic import chain, helix, positions
-from tssgeom.sensed_route import SensedRoute, sensed_route
+from tssgeom.sensed_route import SensedRoute, fit_frame, sensed_route
 from tssgeom.stream import Frame, FrameResult, at_rest, pulled
 
 if TYPE_CHECKING:

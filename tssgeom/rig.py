@@ -21,6 +21,7 @@ from tssgeom.uncertain import CERTAIN, Follow, RigErrors, Uncertain, keys_of, pa
 Source = Literal["markers", "em", "fbg", "centreline", "smoothed"]
 """Where the points of a route come from; docs/model.md (164)."""
 
+_LEAST_RADIUS = 5.0  # of a sheath where it is not known [diameters]; chosen: coils kink below
 _MOST_BYTES = 1 << 20  # of a rig file: more is none
 _QUOTED = re.compile(r'"(\{ value = [^"]* \})"')  # a number with its error
 
@@ -111,14 +112,11 @@ class Sheath(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
                 require(math.isfinite(value) and value > 0, f"sheath.{name}", value, remedy)
 
     @property
-    def diameter(self) -> float | None:
-        """Outer diameter [m]."""
-        return None if self.diameter_mm is None else 1e-3 * self.diameter_mm
-
-    @property
-    def least_radius(self) -> float | None:
-        """Least bend radius [m]."""
-        return None if self.least_radius_mm is None else 1e-3 * self.least_radius_mm
+    def shortest_wave(self) -> float | None:
+        """Shortest wave that it can follow [m]; docs/model.md (163)."""
+        if self.least_radius_mm is not None:
+            return math.pi * (1e-3 * self.least_radius_mm)
+        return None if self.diameter_mm is None else math.pi * (_LEAST_RADIUS * (1e-3 * self.diameter_mm))
 
 
 class ShapeSensor(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

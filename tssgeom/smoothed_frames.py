@@ -16,13 +16,14 @@ import numpy as np
 from tssgeom.arrays import Points, Vector
 from tssgeom.core.constants import CHANCE, MEDIANS
 from tssgeom.errors import TssgeomError
-from tssgeom.frame import Frame, fit_frame, in_order, with_rows
+from tssgeom.frame import Frame, in_order, with_rows
 from tssgeom.plausibility.limits import LIMITS as PLAUSIBLE
 from tssgeom.rig import Rig
 from tssgeom.route.fibre.models import stretches
 from tssgeom.route.observations import MIN_POINTS
 from tssgeom.route.time_filter import PointFilter
 from tssgeom.route.time_smoother import smoothed
+from tssgeom.sensed_route import fit_frame
 
 
 @dataclass(frozen=True, slots=True)

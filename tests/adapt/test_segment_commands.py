@@ -6,9 +6,9 @@ from msgspec.structs import replace as changed
 from tests.test_machine_stream import POINTS
 from tssgeom import Engine, Frame
 from tssgeom.adapt.follower import Follower
-from tssgeom.frame import fit_frame
 from tssgeom.mechanism import Drive, End
 from tssgeom.rig import Friction, Rig, Sensor, Tendon
+from tssgeom.sensed_route import fit_frame
 from tssgeom.tendon.machine import machine_of, routed
 from tssgeom.tendon.machine_simulation import begun, simulated
 

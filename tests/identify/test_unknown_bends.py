@@ -15,7 +15,7 @@ from tssgeom.identify.machine_run import machine_run
 from tssgeom.mechanism import Drive, End, GivenRoute
 from tssgeom.rig import Friction, Rig, Tendon, read_rig, write_rig
 from tssgeom.route.pieces import Arcs
-from tssgeom.sensed_route import STATED
+from tssgeom.route.synthetic import STATED
 from tssgeom.tendon.machine import route_of_rig, routed
 from tssgeom.uncertain import Uncertain, assumed
 

@@ -5,11 +5,12 @@ import pytest
 
 from tssgeom import smoothed_frames
 from tssgeom.engine import process, recorded
-from tssgeom.frame import Frame, fit_frame
+from tssgeom.frame import Frame
 from tssgeom.rig import Rig, ShapeSensor
 from tssgeom.route.synthetic import chain, positions
 from tssgeom.route.time_filter import begun, filtered
 from tssgeom.route.time_smoother import smoothed
+from tssgeom.sensed_route import fit_frame
 from tssgeom.stream import FrameResult
 
 COUNT, FRAMES = 10, 90

@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 from tssgeom import Arcs, pretensioned, process, step, transmit
-from tssgeom.frame import Frame, fit_frame
+from tssgeom.frame import Frame
 from tssgeom.rig import Rig
 from tssgeom.route.fibre import noise as of_noise
 from tssgeom.route.fibre.models import Kinds, Sensed, kinds_of, partitions, stretches
 from tssgeom.route.fibre.noise import LEVELS, LastNoise, noises
 from tssgeom.route.fibre.sensed import clean_fibre, fit_fibre
 from tssgeom.route.time_filter import begun, filtered
+from tssgeom.sensed_route import fit_frame
 from tssgeom.smoothed_frames import smoothed_in_time
 
 N, NOISE = 120, 0.15

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from tests.route.test_exchanges import COUNT, FRAMES, results, route, sensed
-from tssgeom.frame import Frame, fit_frame
+from tssgeom.frame import Frame
 from tssgeom.rig import Rig
 from tssgeom.route.lost_ends import carried_on, rows_of
+from tssgeom.sensed_route import fit_frame
 
 LOST = range(40, 60)
 

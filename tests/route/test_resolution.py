@@ -13,7 +13,7 @@ from tssgeom.rig import ShapeSensor, Sheath, Source
 from tssgeom.route import synthetic
 from tssgeom.route.geometry import measure
 from tssgeom.route.observations import clean
-from tssgeom.route.resolution import NO_ERRORS, angle_over_resolution, at_resolution, sheath_resolution
+from tssgeom.route.resolution import NO_ERRORS, angle_over_resolution, at_resolution
 from tssgeom.route.shared_errors import SOURCES, with_shared_errors
 from tssgeom.route.synthetic import Course, chain, colon, positions
 
@@ -210,9 +210,9 @@ def test_waves_and_helices_with_white_noise_have_no_bends_that_may_be_errors(tor
 
 
 def test_a_sheath_gives_the_resolution():
-    assert sheath_resolution(None, None) is None
-    assert sheath_resolution(0.002, None) == pytest.approx(np.pi * 0.01)
-    assert sheath_resolution(0.002, 0.03) == pytest.approx(np.pi * 0.03)
+    assert Sheath().shortest_wave is None
+    assert Sheath(diameter_mm=2.0).shortest_wave == pytest.approx(np.pi * 0.01)
+    assert Sheath(diameter_mm=2.0, least_radius_mm=30.0).shortest_wave == pytest.approx(np.pi * 0.03)
     points = sensed(ARCS, 0.02, 1e-3, 6)
     result = analyse(points, Rig(sheath=Sheath(least_radius_mm=20.0)))
     assert result.fit.resolution == pytest.approx(np.pi * 0.02)

@@ -5,9 +5,10 @@ import pytest
 
 from tests.known_routes import Cell, draw
 from tssgeom.api.calls import analyse
-from tssgeom.frame import Frame, fit_frame
+from tssgeom.frame import Frame
 from tssgeom.rig import Rig, ShapeSensor
 from tssgeom.route.fibre.sensed import clean_fibre, fit_fibre
+from tssgeom.sensed_route import fit_frame
 
 ROUTES = ("half circle", "setup A", "helix", "clothoid", "colon", "harmonics", "pieces", "slopes")
 

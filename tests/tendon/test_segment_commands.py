@@ -14,10 +14,10 @@ from tests.test_machine_stream import POINTS
 from tssgeom import Engine, Frame, compensate
 from tssgeom.api.machine_calls import commanded_machine
 from tssgeom.errors import SettingsError
-from tssgeom.frame import fit_frame
 from tssgeom.io.formats.runs import MeasuredRun
 from tssgeom.mechanism import Drive, DriveLimits, End, tip
 from tssgeom.rig import Friction, Rig, Sensor, Tendon, with_values
+from tssgeom.sensed_route import fit_frame
 from tssgeom.tendon.commander import commander_of
 from tssgeom.tendon.machine import machine_of, routed
 from tssgeom.tendon.machine_command import command_machine

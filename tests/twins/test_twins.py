@@ -19,7 +19,7 @@ from tests.twins import (
 )
 from tests.twins.scenarios import drifts_of, friction_walk
 from tssgeom import Rig
-from tssgeom.frame import fit_frame
+from tssgeom.sensed_route import fit_frame
 
 HOURS = 0.03  # 108 s
 ALL = DRIFTS | FAULTS

@@ -16,7 +16,7 @@ from tssgeom.arrays import Vector
 from tssgeom.identify.fit import start_rig
 from tssgeom.identify.machine_run import LIMITS, MachineRun
 from tssgeom.rig import Rig
-from tssgeom.sensed_route import STATED
+from tssgeom.route.synthetic import STATED
 from tssgeom.tendon.machine_simulation import drive_channels
 from tssgeom.uncertain import Prior, Uncertain, assumed
 

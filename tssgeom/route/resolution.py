@@ -6,7 +6,6 @@ points, and of how short a wave a sheath can follow, separates them.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import NamedTuple
@@ -37,8 +36,6 @@ class ResolutionLimits:
     steep: float = 8.0
     """Exponent of a filter that parts short waves from long ones [1]. Chosen: waves twice as long as the
     resolution keep 99.7 %; by the exponent 2 of (163), which leaves no ripples, 84 %."""
-    radius_diameters: float = 5.0
-    """Least bend radius of a sheath where it is not known [diameters]. Chosen: coils kink below."""
 
 
 LIMITS = ResolutionLimits()
@@ -80,13 +77,6 @@ class SharedErrors(NamedTuple):
 
 
 NO_ERRORS = SharedErrors(0.0, 0.0)
-
-
-def sheath_resolution(diameter: float | None, least_radius: float | None) -> float | None:
-    """Return the shortest wave that a sheath can follow [m], from its diameter or least bend radius [m]."""
-    if least_radius is None and diameter is not None:
-        least_radius = LIMITS.radius_diameters * diameter
-    return None if least_radius is None else math.pi * least_radius
 
 
 def angle_over_resolution(fit: RouteFit, resolution: Vector) -> Vector:

@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import get_args, overload
 
 from tssgeom.errors import ShapeError, TssgeomError
-from tssgeom.frame import require_usable
 from tssgeom.io.formats.laboratory.units import UNITS
 from tssgeom.io.formats.lengths import LengthUnit
 from tssgeom.result import Result
+from tssgeom.sensed_route import require_usable
 from tssgeom.stream import Frame, Rejected
 
 PER_METRE = {unit: float(f"{1.0 / UNITS[unit].factor:.15g}") for unit in get_args(LengthUnit)}
