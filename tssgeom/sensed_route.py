@@ -26,8 +26,7 @@ from tssgeom.route.noise import contradicted as contradicted_noise
 from tssgeom.route.noise import noise_growth, noise_left
 from tssgeom.route.observations import MIN_POINTS, Shape, clean
 from tssgeom.route.observations import NOISE_PRIOR as POINT_NOISE
-from tssgeom.route.resolution import NO_ERRORS, SharedErrors
-from tssgeom.route.route_fit import LITTLE, LOST, RouteFit
+from tssgeom.route.route_fit import LITTLE, LOST, NO_ERRORS, RouteFit, SharedErrors
 from tssgeom.route.shared_errors import posterior_of_source, with_hidden_errors, with_shared_errors
 from tssgeom.route.synthetic import stated_points
 from tssgeom.route.time_filter import PointFilter, begun, filtered

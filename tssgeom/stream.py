@@ -16,9 +16,8 @@ from tssgeom.rig import Rig
 from tssgeom.route.curvature import CurvatureProfile
 from tssgeom.route.observations import Shape
 from tssgeom.route.pieces import Arcs
-from tssgeom.route.resolution import NO_ERRORS, SharedErrors
 from tssgeom.route.route import Route
-from tssgeom.route.route_fit import RouteFit
+from tssgeom.route.route_fit import NO_ERRORS, RouteFit, SharedErrors
 from tssgeom.route.tracking import TrackedFit
 from tssgeom.sensed_route import SensedRoute
 from tssgeom.tendon.capstan import Transmission

@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tssgeom.route.agreement import given_length
 from tssgeom.route.geometry import measure
 from tssgeom.route.observations import clean
 from tssgeom.route.pieces import curvature_profile
-from tssgeom.route.route_fit import given_length
 from tssgeom.route.spline.fit import fit
 from tssgeom.route.synthetic import chain, colon, half_circle, helix, positions, setup_a, setup_b
 

@@ -9,7 +9,8 @@ from tssgeom import Frame, FrameResult, Rig, analyse, process
 from tssgeom.engine import alone, recorded
 from tssgeom.errors import FitError, ShapeError
 from tssgeom.rig import ShapeSensor
-from tssgeom.route.order import along_the_shortest_path, order_warning, shortest_path, there_and_back
+from tssgeom.route.agreement import order_warning, there_and_back
+from tssgeom.route.order import along_the_shortest_path, shortest_path
 from tssgeom.route.synthetic import colon, positions
 
 SHORTEST = Rig(shape=ShapeSensor(order="shortest"))

@@ -13,7 +13,8 @@ from tssgeom.rig import ShapeSensor, Sheath, Source
 from tssgeom.route import synthetic
 from tssgeom.route.geometry import measure
 from tssgeom.route.observations import clean
-from tssgeom.route.resolution import NO_ERRORS, angle_over_resolution, at_resolution
+from tssgeom.route.resolution import angle_over_resolution, at_resolution
+from tssgeom.route.route_fit import NO_ERRORS
 from tssgeom.route.shared_errors import SOURCES, with_shared_errors
 from tssgeom.route.synthetic import Course, chain, colon, positions
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from tssgeom.api.runs import Compensation, Simulation
     from tssgeom.arrays import Vector
     from tssgeom.route.pieces import Arcs
-    from tssgeom.route.resolution import SharedErrors
+    from tssgeom.route.route_fit import SharedErrors
     from tssgeom.tendon.command import Command
     from tssgeom.tendon.command_error import DistalErrors
     from tssgeom.tendon.commander import Policy

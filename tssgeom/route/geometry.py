@@ -16,6 +16,14 @@ from tssgeom import core
 from tssgeom.core.constants_arcs import CHAIN_MOVES
 from tssgeom.core.constants_route import SPACING
 from tssgeom.errors import FitError
+from tssgeom.route.agreement import (
+    checked,
+    is_folded,
+    order_warning,
+    refuse_folded,
+    there_and_back,
+    with_order_warning,
+)
 from tssgeom.route.arcs.chain import Chain, Data, fit_fixed_pieces, unfitted
 from tssgeom.route.arcs.corners import cornered
 from tssgeom.route.arcs.moves import Budget, fit_chain
@@ -34,22 +42,11 @@ from tssgeom.route.model_choice import (
     search_variance,
 )
 from tssgeom.route.observations import Shape, on_chords, order_warnings, outlier_warnings
-from tssgeom.route.order import order_warning, there_and_back, with_order_warning
 from tssgeom.route.pieces import Arcs, smooth_geometry
 from tssgeom.route.plane import noise_of_plane
 from tssgeom.route.ratio_average import averaged
-from tssgeom.route.resolution import SharedErrors
 from tssgeom.route.route import Route, step_lengths, stretched
-from tssgeom.route.route_fit import (
-    Deferred,
-    Nodes,
-    RouteFit,
-    available,
-    given_length,
-    is_folded,
-    refuse_folded,
-    refuse_lost,
-)
+from tssgeom.route.route_fit import Deferred, Nodes, RouteFit, SharedErrors, available
 from tssgeom.route.spline.fit import fit
 from tssgeom.route.spline.spline import Spline
 
@@ -148,20 +145,6 @@ def within_bounds(fit: RouteFit, shape: Shape) -> RouteFit:
         return fit
     apart = stretched(fit.spline.route)
     return fit if apart is None else fit.warned(apart)
-
-
-def checked(result: RouteFit, shape: Shape) -> RouteFit:
-    """Return a fit given the length of the whole route where that is known, unless it lost its points.
-
-    Points that share errors with their neighbours are left alone: their path is longer than noise explains.
-
-    Raises FitError where it lost them.
-    """
-    if shape.length is not None:
-        result = given_length(result, shape.length, shape.length_noise)
-    if result.spline is None or result.spline.shared_angle_error == 0.0:
-        refuse_lost(result, shape.points)
-    return result
 
 
 def _measured(shape: Shape, noise: float | None, method: Method) -> RouteFit:

@@ -34,9 +34,8 @@ from tssgeom.route.model_choice import (
     search_variance,
 )
 from tssgeom.route.pieces import Arcs
-from tssgeom.route.resolution import NO_ERRORS, SharedErrors
 from tssgeom.route.route import Route, step_lengths
-from tssgeom.route.route_fit import RouteFit, Turned
+from tssgeom.route.route_fit import NO_ERRORS, RouteFit, SharedErrors, Turned
 from tssgeom.route.spline.spline import Spline
 from tssgeom.route.steps import at_once
 from tssgeom.route.unresolved_curvature import unresolved_angle_variance

@@ -27,8 +27,7 @@ from tssgeom.route.geometry import chain_data, chain_fit, first_chain, spline_fi
 from tssgeom.route.model_average import added_in_steps
 from tssgeom.route.model_choice import CHOICE, chain_evidence, evidence_difference, preference
 from tssgeom.route.observations import Shape
-from tssgeom.route.resolution import NO_ERRORS, SharedErrors
-from tssgeom.route.route_fit import RouteFit
+from tssgeom.route.route_fit import NO_ERRORS, RouteFit, SharedErrors
 from tssgeom.route.spline.fit import fit_in_steps
 from tssgeom.route.spline.spline import Spline
 from tssgeom.route.time_filter import PointFilter
@@ -134,7 +133,7 @@ class TrackedFit:
     @classmethod
     def of(cls, fit: RouteFit, index: Vector) -> TrackedFit:
         """Begin with a fit that was made from nothing."""
-        return cls(fit, index, by_models=SharedErrors(*fit.by_models))
+        return cls(fit, index, by_models=fit.by_models)
 
     def beside(self, fit: RouteFit) -> RouteFit:
         """Return the fit of a later frame with these variances added."""

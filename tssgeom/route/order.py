@@ -2,19 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 
-from tssgeom.arrays import Matrix, Points, Vector, rows_at
-from tssgeom.core.constants_arcs import CHAIN_FIT
-from tssgeom.core.constants_route import POINTS
-from tssgeom.errors import FitError, ShapeError
-from tssgeom.plausibility.limits import LIMITS as PLAUSIBLE
-from tssgeom.route.observations import BACK, Shape
-from tssgeom.route.route import STATIONS, step_lengths
-from tssgeom.route.route_fit import LITTLE, RouteFit
+from tssgeom.arrays import Matrix, Points
+from tssgeom.errors import ShapeError
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,8 +25,6 @@ class OrderLimits:
 
 
 LIMITS = OrderLimits()
-_COMPARED = 41  # points of both ways; numerical
-_PATH = "the path through the points is"
 
 
 def along_the_shortest_path(points: Points, directions: Points | None, first: Points | None) -> np.ndarray:
@@ -77,83 +68,6 @@ def shortest_path(points: Points) -> np.ndarray:
     distance = np.linalg.norm(points[:, None] - points, axis=2)
     path = _improved(_greedy(distance), distance)
     return path if path[0] < path[-1] else path[::-1].copy()
-
-
-def order_warning(points: Points, index: Vector | None = None, *, is_uncertain: bool = False) -> str | None:
-    """Say that points [n, 3] [m] lie on a much shorter path in another order, or return None.
-
-    Parameters
-    ----------
-    points, index
-        Points, and the count of each in the sensed sequence.
-    is_uncertain
-        Whether their fit has a warning, or shows little of Φ: a slightly shorter path is then worth a word.
-
-    Raises
-    ------
-    FitError
-        Where the other path is so much shorter that no fit means anything.
-    """
-    if not 4 <= len(points) <= POINTS.few:
-        return None
-    path = shortest_path(points)
-    given, shortest = float(step_lengths(points).sum()), float(step_lengths(points[path]).sum())
-    if given < (LIMITS.slightly_shorter if is_uncertain else LIMITS.much_shorter) * shortest:
-        return None
-    order = _described(path, np.arange(len(points)) if index is None else index.astype(int))
-    text = f"{_PATH} {1e3 * given:.4g} mm long, {order} {1e3 * shortest:.4g} mm: check their order, "
-    if given < STATIONS.refusal * shortest:
-        return f'{text}or set [shape] order = "shortest"'
-    raise FitError(f'{text}set [shape] order = "shortest", or give their arc lengths if it is right')
-
-
-def with_order_warning(fit: RouteFit, shape: Shape, before: RouteFit | None = None) -> RouteFit:
-    """Return a fit with `order_warning`; one that goes on from `before` where that has it, or turns back.
-
-    A new fit may have the warning of `there_and_back` instead.
-
-    Raises FitError where the points are far out of order.
-    """
-    if shape.stations is not None:
-        return fit
-    turns_back = _turns_back(shape.points) or any(BACK in text for text in fit.warnings)
-    had_it = before is None or any(text.startswith(_PATH) for text in before.warnings)
-    if not (had_it or turns_back):
-        return fit
-    is_uncertain = turns_back or len(fit.warnings) > 0 or fit.arcs.total_angle_se > LITTLE
-    text = there_and_back(shape.points) if before is None else None
-    text = text or order_warning(shape.points, shape.index, is_uncertain=is_uncertain)
-    return fit if text is None else fit.warned(text)
-
-
-def _turns_back(points: Points) -> bool:
-    """Whether few points [n, 3] turn so sharply from chord to chord as exchanged ones do."""
-    if len(points) > POINTS.few:
-        return False
-    chord = np.diff(points, axis=0)
-    along = np.einsum("ij,ij->i", chord[1:], chord[:-1])
-    square = np.einsum("ij,ij->i", chord, chord)
-    sharpest = math.cos(CHAIN_FIT.most_turn)
-    return bool((along < sharpest * np.sqrt(square[1:] * square[:-1])).any())
-
-
-def there_and_back(points: Points) -> str | None:
-    """Say that points [n, 3] [m] run along one route there and back, or return None."""
-    at = np.concatenate(([0.0], np.cumsum(step_lengths(points))))
-    share = np.linspace(0.0, 0.5, _COMPARED)
-    there, back = (rows_at(way * at[-1], at, points) for way in (share, 1.0 - share))
-    if float(np.median(np.linalg.norm(there - back, axis=1))) > PLAUSIBLE.slight * 0.5 * at[-1]:
-        return None
-    return "the points run there and back: give either way as a shape to analyse --same if it is one route"
-
-
-def _described(path: np.ndarray, index: np.ndarray) -> str:
-    """Name what a path exchanges, or else its first points: "with points 3 and 4 exchanged"."""
-    moved = np.flatnonzero(path != np.arange(len(path)))
-    if len(moved) == 2:  # of more it is not clear which goes where
-        return f"with points {' and '.join(map(str, index[moved]))} exchanged"
-    listed = index[path]
-    return f"in the order {' '.join(map(str, listed if len(path) <= 12 else (*listed[:3], '…')))}"
 
 
 def _greedy(distance: Matrix) -> np.ndarray:

@@ -17,8 +17,8 @@ from tssgeom.core.constants_route import STAIRCASE
 from tssgeom.errors import ShapeError
 from tssgeom.route.error_posterior import GRID
 from tssgeom.route.resolution import LIMITS as RESOLUTION
-from tssgeom.route.resolution import SharedErrors, at_resolution, left_of_waves, sampled_bend
-from tssgeom.route.route_fit import RouteFit
+from tssgeom.route.resolution import at_resolution, left_of_waves, sampled_bend
+from tssgeom.route.route_fit import RouteFit, SharedErrors
 
 
 @dataclass(frozen=True, slots=True)

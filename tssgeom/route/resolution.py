@@ -8,16 +8,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 
 from tssgeom import core
 from tssgeom.arrays import Matrix, Points, Vector, read_only, rows_at
 from tssgeom.core.constants_route import STAIRCASE
-from tssgeom.route.pieces import Arcs
 from tssgeom.route.route import Route, carried
-from tssgeom.route.route_fit import Deferred, Nodes, RouteFit, nodes_with_angle_variance
+from tssgeom.route.route_fit import Deferred, Nodes, RouteFit
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,44 +37,6 @@ class ResolutionLimits:
 
 
 LIMITS = ResolutionLimits()
-
-
-class SharedErrors(NamedTuple):
-    """Variances that are the same in each frame of a route."""
-
-    angle: float
-    """Of Φ [rad²]."""
-    length: float
-    """Of the length [m²]."""
-    form: float = 0.0
-    """Part of that of Φ for a form that no point shows [rad²]; docs/model.md (267)."""
-
-    def on(self, arcs: Arcs) -> Arcs:
-        """Add them to those of the pieces in proportion to angles and lengths, of no angle to lengths."""
-        return arcs if self == NO_ERRORS else arcs.with_variances(self.length, self.angle)
-
-    def beside(self, fit: RouteFit) -> RouteFit:
-        """Add them to those of a fit."""
-        if self == NO_ERRORS:
-            return fit
-        nodes = fit.nodes
-        if self.angle > 0.0:
-            nodes = Deferred(partial(nodes_with_angle_variance, nodes, self.angle))
-        return replace(fit, arcs=self.on(fit.arcs), nodes=nodes)
-
-    def of_models(self, fit: RouteFit) -> RouteFit:
-        """Add what other models add to a fit; the angle that a straight route may have is that of (124)."""
-        fit = self._replace(angle=0.0).beside(fit.with_angle_variance(self.angle))
-        form = fit.arcs.form_variance + self.form
-        return replace(fit, arcs=replace(fit.arcs, form_variance=form)) if self.form > 0.0 else fit
-
-    def of_stream(self, fit: RouteFit) -> RouteFit:
-        """Do as `of_models`, and note that the fit shares them with the one that it goes on from."""
-        fit = self.of_models(fit)
-        return replace(fit, arcs=replace(fit.arcs, model_variance=self.angle)) if self.angle > 0.0 else fit
-
-
-NO_ERRORS = SharedErrors(0.0, 0.0)
 
 
 def angle_over_resolution(fit: RouteFit, resolution: Vector) -> Vector:

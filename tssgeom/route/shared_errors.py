@@ -17,13 +17,12 @@ from tssgeom.route.error_posterior import NO_POSTERIOR, ErrorPosterior, error_po
 from tssgeom.route.observations import NOISE_PRIOR, Shape
 from tssgeom.route.resolution import (
     LIMITS,
-    SharedErrors,
     angle_over_resolution,
     at_resolution,
     share_of_short_bends,
     without_errors,
 )
-from tssgeom.route.route_fit import RouteFit
+from tssgeom.route.route_fit import RouteFit, SharedErrors
 from tssgeom.statistics import EVEN
 
 _LAGS = 10  # neighbours before a point that its residual is compared with; chosen: two turns of five points

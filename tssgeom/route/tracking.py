@@ -15,6 +15,7 @@ import numpy as np
 from tssgeom import core
 from tssgeom.arrays import Vector
 from tssgeom.errors import FitError
+from tssgeom.route.agreement import checked
 from tssgeom.route.arcs.chain import Chain, Data, fit_fixed_pieces, parameter_count
 from tssgeom.route.arcs.moves import fit_chain
 from tssgeom.route.arcs.outliers import curvature_at_points, with_tangents, without_outlying_tangents
@@ -23,14 +24,12 @@ from tssgeom.route.geometry import (
     Method,
     chain_allowed,
     chain_fit,
-    checked,
     measure,
     spline_fit,
     with_few_points_variance,
 )
 from tssgeom.route.model_check import SCHEDULE, ModelCheck, TrackedFit, model_checked
 from tssgeom.route.observations import Shape
-from tssgeom.route.order import with_order_warning
 from tssgeom.route.route_fit import RouteFit
 from tssgeom.route.spline.spline import Spline
 from tssgeom.route.spline.warm import warm
@@ -73,7 +72,7 @@ def follow(shape: Shape, noise: float | None, last: TrackedFit | None, method: M
         tracked = _follow_spline(shape, noise, last, method)
     if last is not None and tracked is not None:
         with suppress(FitError):  # a route that leaps may be lost, and fitted again from nothing
-            fit = with_order_warning(checked(tracked.fit, shape), shape, last.fit)
+            fit = checked(tracked.fit, shape, last.fit)
             return tracked if fit is tracked.fit else replace(tracked, fit=fit)
     if last is not None and last.warm_only:
         raise NotWarmError

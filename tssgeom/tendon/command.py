@@ -17,7 +17,7 @@ from tssgeom.plausibility.frames import require_command
 from tssgeom.result import Result
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
-from tssgeom.route.resolution import NO_ERRORS, SharedErrors
+from tssgeom.route.route_fit import NO_ERRORS, SharedErrors
 from tssgeom.tendon.bars import base, with_effects
 from tssgeom.tendon.bars.bar_state import BarState
 from tssgeom.tendon.capstan import MOST_TENSION

@@ -15,7 +15,7 @@ import numpy as np
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.rig import Rig, with_values
 from tssgeom.route.pieces import Arcs
-from tssgeom.route.resolution import NO_ERRORS, SharedErrors
+from tssgeom.route.route_fit import NO_ERRORS, SharedErrors
 from tssgeom.statistics import NORMAL_95
 from tssgeom.tendon.capstan import Transmission, elongation_slopes
 from tssgeom.tendon.state import UNCHANGED, TendonState, corners, pretensioned, step, transmit

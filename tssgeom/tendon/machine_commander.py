@@ -15,7 +15,7 @@ from tssgeom.errors import SettingsError
 from tssgeom.mechanism import per_motor_angle, tendon_count
 from tssgeom.rig import Rig, with_values
 from tssgeom.route.pieces import Arcs
-from tssgeom.route.resolution import NO_ERRORS, SharedErrors
+from tssgeom.route.route_fit import NO_ERRORS, SharedErrors
 from tssgeom.tendon.machine import machine_of, routed
 from tssgeom.tendon.machine_command import MayWait
 from tssgeom.tendon.machine_error import covariance_of, is_near, outside_plane

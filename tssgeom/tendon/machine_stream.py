@@ -17,7 +17,7 @@ from tssgeom.errors import SettingsError
 from tssgeom.mechanism import channels_of, numbered, tendon_count
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
-from tssgeom.route.resolution import NO_ERRORS, SharedErrors
+from tssgeom.route.route_fit import NO_ERRORS, SharedErrors
 from tssgeom.tendon.bars import base
 from tssgeom.tendon.bars.bar_state import BarState
 from tssgeom.tendon.bars.plant import Memory

@@ -14,12 +14,13 @@ import numpy as np
 from tssgeom import core
 from tssgeom.arrays import Matrix, Vector, read_only
 from tssgeom.errors import FitError
+from tssgeom.route.agreement import is_off, turns_unobserved
 from tssgeom.route.arcs.chain import Chain, Data, along
 from tssgeom.route.arcs.moves import Budget, without_piece
 from tssgeom.route.curvature import CurvatureProfile
 from tssgeom.route.pieces import Arcs
 from tssgeom.route.route import Route, summed
-from tssgeom.route.route_fit import Nodes, is_off, turns_unobserved
+from tssgeom.route.route_fit import Nodes
 from tssgeom.route.steps import at_once
 
 _NODES = 161  # beside the joints

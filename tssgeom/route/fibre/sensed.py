@@ -14,13 +14,14 @@ import numpy as np
 from tssgeom.arrays import Matrix, Vector, read_only, rows_at
 from tssgeom.core.constants import CHANCE
 from tssgeom.errors import FitError, ShapeError
+from tssgeom.route.agreement import AGREEMENT
 from tssgeom.route.fibre.draws import sampled
 from tssgeom.route.fibre.models import Kinds, Sensed, kinds_of, partitions
 from tssgeom.route.fibre.noise import LEVELS, LastNoise, noises
 from tssgeom.route.fibre.route import fit_of_draws, fit_of_pieces
 from tssgeom.route.geometry import Method
 from tssgeom.route.observations import Shape
-from tssgeom.route.route_fit import AGREEMENT, LOST, RouteFit
+from tssgeom.route.route_fit import LOST, RouteFit
 
 MIN_GRATINGS = 3
 _MOST_CELLS = 200  # values for the estimators, whose time is quadratic; of more, neighbours are averaged

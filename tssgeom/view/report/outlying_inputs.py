@@ -15,7 +15,7 @@ import numpy as np
 from tssgeom.core.constants import ROUNDING
 from tssgeom.core.constants_route import OUTLIERS
 from tssgeom.plausibility.limits import LIMITS as PLAUSIBLE
-from tssgeom.route.route_fit import AGREEMENT
+from tssgeom.route.agreement import AGREEMENT
 from tssgeom.statistics import EVIDENCE_SCALE, robust_sd
 from tssgeom.view.report.kinds import kinds, log_noise, noise_text
 
