@@ -23,7 +23,7 @@ from tssgeom.route.fibre.sensed import clean_fibre
 from tssgeom.route.geometry import measure
 from tssgeom.route.marker_offset import follow_markers
 from tssgeom.route.noise import contradicted as contradicted_noise
-from tssgeom.route.noise import noise_growth, noise_left
+from tssgeom.route.noise import noise_left
 from tssgeom.route.observations import MIN_POINTS, Shape, clean
 from tssgeom.route.observations import NOISE_PRIOR as POINT_NOISE
 from tssgeom.route.route_fit import LITTLE, LOST, NO_ERRORS, RouteFit, SharedErrors
@@ -131,9 +131,7 @@ def fit_frame(
     of_time = noise is None and last is not None and last.has_noise_of_time
     if of_time and now is not None:
         noise = now.noise
-    if last is not None:
-        last = replace(last, noise_growth=noise_growth(last.fit.noise, last.filtered, now))
-    start = None if last is None or (now is not None and last.is_outdated(now)) else last
+    start = None if last is None else last.start_for(now)
     if last is not None and last.warm_only and start is None:
         raise NotWarmError
     if given.marker_offset_mm:

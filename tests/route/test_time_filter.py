@@ -7,9 +7,10 @@ from tests.live_process import ROUTES, points_mm
 from tssgeom.engine import Engine
 from tssgeom.rig import Rig
 from tssgeom.route import tracking
-from tssgeom.route.noise import noise_growth, noise_left
+from tssgeom.route.noise import noise_left
 from tssgeom.route.time_filter import begun, filtered
 from tssgeom.route.time_smoother import smoothed
+from tssgeom.route.tracking import noise_growth
 from tssgeom.stream import Frame
 
 NOISE = 5e-4  # [m]

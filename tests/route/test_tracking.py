@@ -14,10 +14,9 @@ from tssgeom import core
 from tssgeom.core.constants_arcs import CHAIN_MOVES
 from tssgeom.route.arcs.chain import work_of_evaluation
 from tssgeom.route.geometry import measure
-from tssgeom.route.model_check import TrackedFit
 from tssgeom.route.observations import clean
 from tssgeom.route.synthetic import Course, chain
-from tssgeom.route.tracking import NotWarmError, follow, model_checked
+from tssgeom.route.tracking import NotWarmError, TrackedFit, follow, model_checked
 
 NOISE = 5e-4
 LENGTH = np.array([0.07, 0.09, 0.05, 0.08, 0.06, 0.10, 0.05])

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import itertools
-import math
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -28,25 +26,22 @@ from tssgeom.route.arcs.chain import Chain, Data, fit_fixed_pieces, unfitted
 from tssgeom.route.arcs.corners import cornered
 from tssgeom.route.arcs.moves import Budget, fit_chain
 from tssgeom.route.arcs.outliers import refitted_with_tangents, with_tangents, without_outliers
-from tssgeom.route.arcs.summary import ChainPieces, chain_follows, chain_nodes, identifiable
+from tssgeom.route.arcs.summary import chain_fit, chain_follows, identifiable
 from tssgeom.route.bounds import polygon_of
 from tssgeom.route.curvature_priors import turned_between
-from tssgeom.route.directions import direction_warnings
 from tssgeom.route.model_average import averaged_over_models
 from tssgeom.route.model_choice import (
     CHOICE,
-    chain_deviance,
     chain_evidence,
     evidence_difference,
     preference,
-    search_variance,
 )
-from tssgeom.route.observations import Shape, on_chords, order_warnings, outlier_warnings
+from tssgeom.route.observations import Shape, on_chords
 from tssgeom.route.pieces import Arcs, smooth_geometry
 from tssgeom.route.plane import noise_of_plane
 from tssgeom.route.ratio_average import averaged
 from tssgeom.route.route import Route, step_lengths, stretched
-from tssgeom.route.route_fit import Deferred, Nodes, RouteFit, SharedErrors, available
+from tssgeom.route.route_fit import Nodes, RouteFit, SharedErrors, available
 from tssgeom.route.spline.fit import fit
 from tssgeom.route.spline.spline import Spline
 
@@ -226,38 +221,6 @@ def with_few_points_variance(smooth: RouteFit, shape: Shape) -> RouteFit:
     by_angle = 2.0 * max(longer, 0.0) * arcs.total_angle_se / max(arcs.total_angle, 1e-12)
     by_ratio = 0.0 if smooth.spline is None else smooth.spline.ratio_length_variance * arcs.total_length**2
     return replace(smooth, arcs=SharedErrors(0.0, max(by_angle**2, by_ratio)).on(arcs))
-
-
-def chain_fit(shape: Shape, data: Data, chain: Chain, pieces: ChainPieces | None = None) -> RouteFit:
-    """Fit of a chain with its pieces, where they are known already; its nodes and evidence are deferred."""
-    warnings = outlier_warnings(shape, data.weight)
-    if data.tangents is not None:
-        used = np.where(data.tangents.variance[:, None] > 0.0, data.tangents.unit, np.nan)
-        warnings += direction_warnings(shape.directions, used, shape.index)
-    if pieces is None or pieces.unidentifiable >= 0:
-        chain, pieces = identifiable(data, chain, pieces)
-    stated = math.sqrt(data.variance)
-    if 0.0 < stated < pieces.noise:
-        warnings += (
-            f"the points lie {1e3 * pieces.noise:.3g} mm from the route, by which its standard errors are, "
-            f"and not {1e3 * stated:.3g} mm: check for outlying points, and the noise where one is stated",
-        )
-    if data.free:
-        warnings += order_warnings(shape, data.weight, chain.stations, pieces.noise)
-    fit = RouteFit(
-        arcs=pieces.arcs,
-        noise=pieces.noise,
-        weight=data.weight,
-        nodes=Deferred(partial(chain_nodes, data, chain, pieces.noise)),
-        evidence=Deferred(partial(_chain_log_evidence, data, chain)),
-        warnings=warnings,
-        chain=chain,
-    )
-    return fit.with_angle_variance(search_variance(data, chain) * fit.arcs.total_angle_se**2)
-
-
-def _chain_log_evidence(data: Data, chain: Chain) -> float:
-    return -0.5 * chain_deviance(data, chain)
 
 
 def chain_data(shape: Shape, noise: float | None, spline: Spline) -> Data:

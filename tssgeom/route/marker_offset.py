@@ -12,12 +12,11 @@ from tssgeom import core
 from tssgeom.arrays import Matrix, Points, Vector, read_only
 from tssgeom.core.constants_arcs import CHAIN_FIT
 from tssgeom.errors import FitError, ShapeError
-from tssgeom.route.model_check import TrackedFit, model_checked
 from tssgeom.route.model_choice import added_variance, model_probabilities
 from tssgeom.route.observations import Shape, on_chords
 from tssgeom.route.route import Route, carried
 from tssgeom.route.spline.fit import fit
-from tssgeom.route.tracking import follow
+from tssgeom.route.tracking import TrackedFit, follow, model_checked
 
 
 @dataclass(frozen=True, slots=True)

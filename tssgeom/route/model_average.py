@@ -22,7 +22,7 @@ from tssgeom.arrays import Vector, rows_at
 from tssgeom.errors import FitError
 from tssgeom.route.arcs.chain import Chain, Data, fit_with_work, parameter_count, value_count
 from tssgeom.route.arcs.moves import work_of_promises
-from tssgeom.route.arcs.summary import chain_follows, chain_pieces, identifiable_in_steps
+from tssgeom.route.arcs.summary import chain_follows, chain_pieces, identifiable_in_steps, search_variance
 from tssgeom.route.bend_priors import hidden_form
 from tssgeom.route.model_choice import (
     CHOICE,
@@ -31,7 +31,6 @@ from tssgeom.route.model_choice import (
     evidence_scale,
     log_sum,
     model_probabilities,
-    search_variance,
 )
 from tssgeom.route.pieces import Arcs
 from tssgeom.route.route import Route, step_lengths

@@ -7,31 +7,29 @@ it selects is where the next frame starts; docs/model.md (34).
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Generator
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Literal, TypeAlias
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import numpy as np
 
 from tssgeom.arrays import Vector
-from tssgeom.core.constants_arcs import CHAIN_MOVES
-from tssgeom.core.constants_route import PASSES
 from tssgeom.errors import FitError
 from tssgeom.route.arcs.chain import Chain, Data, fit_fixed_pieces
 from tssgeom.route.arcs.moves import finer_tried, fit_chain_in_steps, simpler_tried, work_of_promises
-from tssgeom.route.error_posterior import NO_POSTERIOR, ErrorPosterior
-from tssgeom.route.fibre.noise import LastNoise
-from tssgeom.route.geometry import chain_data, chain_fit, first_chain, spline_fit, with_few_points_variance
+from tssgeom.route.arcs.summary import chain_fit
+from tssgeom.route.geometry import chain_data, first_chain, spline_fit, with_few_points_variance
 from tssgeom.route.model_average import added_in_steps
 from tssgeom.route.model_choice import CHOICE, chain_evidence, evidence_difference, preference
 from tssgeom.route.observations import Shape
-from tssgeom.route.route_fit import NO_ERRORS, RouteFit, SharedErrors
+from tssgeom.route.route_fit import RouteFit, SharedErrors
 from tssgeom.route.spline.fit import fit_in_steps
 from tssgeom.route.spline.spline import Spline
-from tssgeom.route.time_filter import PointFilter
 from tssgeom.statistics import EVIDENCE_SCALE
+
+if TYPE_CHECKING:
+    from tssgeom.route.tracking import TrackedFit
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,91 +62,7 @@ class ModelCheck:
     """The points as given to the chain; None where a spline was tracked."""
 
 
-@dataclass(frozen=True, slots=True)
-class TrackedFit:
-    """Fit of the last frame, and what the next one needs to go on from it."""
-
-    fit: RouteFit
-    index: Vector
-    """Count of each fitted point in the sensed sequence."""
-    age: int = 0
-    """Frames since the other estimator was tried."""
-    interval: int = SCHEDULE.first_interval
-    """Frames after which it is tried again."""
-    checks: int = 2
-    """Checks of the joints of a chain since they changed."""
-    candidate: Chain | Spline | None = None
-    """What may take over: a chain under trial, or the spline of the last trial."""
-    by_models: SharedErrors = NO_ERRORS
-    """Variances from the choice between the two, and from forms that no point shows."""
-    trials: int = 0
-    """Checks that the candidate chain has gone through."""
-    run: CheckRun | None = None
-    """The check that is under way."""
-    frames: int = 0
-    """Frames that it has taken so far."""
-    due: bool = False
-    """Whether the steps that follow this frame are still to be made."""
-    warm_only: bool = False
-    """Whether the next fit may only go on from here: one from nothing takes ten times as long."""
-    marker_axis: Vector | None = None
-    """First axis across the route at the first marker, where markers sit beside the route [3]."""
-    filtered: PointFilter | None = None
-    """The points as filtered in time, where they are."""
-    sensed_over_fitted: float = 1.0
-    """Noise of the sensed points over that of those that were fitted [1]."""
-    noise_growth: float = 1.0
-    """Noise that the next fit is expected to find over that of this one [1]."""
-    first_noise: float = 0.0
-    """Noise of the fit from which the warm ones began [m]."""
-    first_left: float = 0.0
-    """Noise that the filter left of the points of that fit [m]."""
-    noise_bounded: bool = False
-    """Whether fits of few points went astray, so that the noise is taken from differences in time."""
-    noise_of_time: bool = False
-    """Whether few points showed less noise than the filter leaves, so that it is taken from that."""
-    noise_contradicted: bool = False
-    """Whether the points contradict the noise that is stated of them, so that it is estimated."""
-    direction_noise: float = 0.0
-    """Noise of a component of sensed directions that was estimated [rad]."""
-    fibre_noise: LastNoise | None = None
-    """Noise of the curvatures of a fibre that was estimated."""
-    errors: ErrorPosterior = NO_POSTERIOR
-    """What errors that neighbouring points share mean for the fit."""
-
-    is_stale: bool = False
-    """Whether few points went over to another estimator, whose errors are those of the route as it was."""
-
-    @property
-    def has_noise_of_time(self) -> bool:
-        """Whether few points were taken for a sharper route than their noise in time leaves; (272)."""
-        if self.filtered is None or not self.fit.is_of_few:
-            return False
-        return self.noise_of_time or PASSES.warm_noise * self.fit.noise**2 < self.filtered.noise**2
-
-    def is_outdated(self, now: PointFilter) -> bool:
-        """Whether a fit from nothing shows more: points were exchanged, or few have so little noise left."""
-        return now.reordered or (self.fit.is_of_few and PASSES.warm_noise * now.noise**2 < self.first_left**2)
-
-    @classmethod
-    def of(cls, fit: RouteFit, index: Vector) -> TrackedFit:
-        """Begin with a fit that was made from nothing."""
-        return cls(fit, index, by_models=fit.by_models)
-
-    def beside(self, fit: RouteFit) -> RouteFit:
-        """Return the fit of a later frame with these variances added."""
-        return replace(self.by_models.of_stream(fit), turned=self.fit.turned)
-
-    def with_check(self, check: ModelCheck | None) -> TrackedFit:
-        """Begin a check, where there is one."""
-        if check is None:
-            return self
-        # joints are tried at once: those of a route that slides are soon wrong
-        work = math.inf if check.candidate == "joints" else CHAIN_MOVES.work_of_any
-        return replace(self, run=CheckRun(_steps(check, self), work), frames=0, due=True)
-
-
-Outcome: TypeAlias = Callable[[TrackedFit], TrackedFit]
+Outcome: TypeAlias = Callable[["TrackedFit"], "TrackedFit"]
 """What a check changes of what is tracked when it ends, some frames after it began."""
 Steps: TypeAlias = Generator[float, None, Outcome]
 
@@ -174,24 +88,11 @@ class CheckRun:
         return self._outcome if self._frames <= frames else None
 
 
-def model_checked(last: TrackedFit) -> TrackedFit:
-    """Make the steps of a check that are due after a frame; its end may select another estimator or joints.
-
-    `follow` does so itself where it was not done; to have it done between two frames changes nothing else.
-    """
-    if not last.due or last.run is None:
-        return last
-    outcome = last.run.after(last.frames + 1)
-    if outcome is None:
-        return replace(last, frames=last.frames + 1, due=False)
-    return replace(outcome(last), run=None, frames=0, due=False)
-
-
 def _unchanged(now: TrackedFit) -> TrackedFit:
     return now
 
 
-def _steps(check: ModelCheck, begun: TrackedFit) -> Steps:
+def steps_of(check: ModelCheck, begun: TrackedFit) -> Steps:
     """Choose the check of what was tracked when it began."""
     chain = begun.fit.chain
     if check.data is None or chain is None:
@@ -244,16 +145,17 @@ def _spline_tried(check: ModelCheck, data: Data, chain: Chain, begun: TrackedFit
     yield work_of_promises(data, chain)
     added = yield from added_in_steps(smooth if taken else arcs, smooth, [(data, chain)])
     if taken:
-        return partial(_taken_over, TrackedFit(smooth, check.shape.index, by_models=added))
+        return partial(_taken_over, smooth, check.shape.index, None, added)
     return partial(_not_taken_over, -difference, spline, added)
 
 
-def _taken_over(taken: TrackedFit, now: TrackedFit) -> TrackedFit:
+def _taken_over(
+    fit: RouteFit, index: Vector, candidate: Spline | None, added: SharedErrors, now: TrackedFit
+) -> TrackedFit:
     """Go on with the other estimator, unless it is the one that is tracked by now."""
-    if (taken.fit.chain is None) == (now.fit.chain is None):
+    if (fit.chain is None) == (now.fit.chain is None):
         return now
-    is_stale = taken.fit.is_of_few
-    return replace(taken, marker_axis=now.marker_axis, filtered=now.filtered, is_stale=is_stale)
+    return now.taken_over(fit, index, candidate, added)
 
 
 def _not_taken_over(
@@ -296,6 +198,5 @@ def _chain_tried(check: ModelCheck, begun: TrackedFit) -> Steps:
     yield work_of_promises(data, moved)
     added = yield from added_in_steps(arcs if taken else smooth, smooth, [(data, moved)])
     if taken:
-        begins = TrackedFit(arcs, check.shape.index, candidate=spline, by_models=added)
-        return partial(_taken_over, begins)
+        return partial(_taken_over, arcs, check.shape.index, spline, added)
     return partial(_not_taken_over, difference, None, added)

@@ -134,7 +134,7 @@ def preference(data: Data, chain: Chain, spline: Spline, evidence: ChainEvidence
     """
     if evidence.priced > 0.0:
         return evidence.priced
-    akaike = _akaike_difference(data, chain, spline) - math.log(_values(data))
+    akaike = _akaike_difference(data, chain, spline) - math.log(data.values_across)
     return max(evidence.priced, min(evidence.difference, akaike))
 
 
@@ -146,10 +146,10 @@ def _akaike_difference(data: Data, chain: Chain, spline: Spline) -> float:
     weight = np.minimum(data.weight, spline.route.weight)
     of_spline = float(weight @ _squared_across(spline))
     of_chain = float(weight @ squared_distances(data, chain, across=True))
-    parameters, of_freedom = float(_parameters(data, chain)), 2.0 * spline.freedom
+    parameters, of_freedom = float(chain.parameters_across), 2.0 * spline.freedom
     if data.variance > 0.0:
         return (of_spline - of_chain) / variance - 2.0 * (parameters - of_freedom)
-    values = float(_values(data))
+    values = float(data.values_across)
     if min(of_chain, of_spline) <= 0.0 or values - max(parameters, of_freedom) <= 1.0:
         return -math.inf
     price = [2.0 * one * values / (values - one - 1.0) for one in (parameters, of_freedom)]
@@ -174,10 +174,10 @@ def saved_by_variation(data: Data, chain: Chain, spline: Spline) -> float:
     if kinked or data.tangents is not None or variance <= 0.0:
         return by_slopes
     if data.variance == 0.0:
-        left = _values(data) - 2.0 * spline.freedom
+        left = data.values_across - 2.0 * spline.freedom
         return max(by_slopes, left * math.log(max(noise_variance(data, chain) / variance, 1.0)))
     square = squared_distances(data, chain, across=True) - _squared_across(spline)
-    by_chance = 2.0 * spline.freedom - _parameters(data, chain)
+    by_chance = 2.0 * spline.freedom - chain.parameters_across
     return max(by_slopes, float(data.weight @ square) / variance - by_chance)
 
 
@@ -191,7 +191,7 @@ def log_evidence_difference(data: Data, chain: Chain, spline: Spline) -> float:
     price += CHOICE.further_piece_price * max(pieces - CHOICE.many_pieces, 0)
     if chain.curved.any():
         price = max(price, bonus + whole * least_evidence(pieces))
-    values = _values(data) / _parameters(data, chain)
+    values = data.values_across / chain.parameters_across
     price += CHOICE.missing_value_price * max(CHOICE.whole_values_per_parameter - values, 0.0)
     if data.variance == 0.0:
         length = float(chain.stations.max() - chain.stations.min())
@@ -204,12 +204,6 @@ def least_evidence(pieces: int) -> float:
     """Evidence that chains gain even on smooth routes, which no other price may undercut [2 ln]; (225)."""
     joints = pieces - 1
     return CHOICE.least_of_chain + CHOICE.further_piece_price * joints if joints else 0.0
-
-
-def search_variance(data: Data, chain: Chain) -> float:
-    """Return what the search for joints adds to the variance of Φ, over that at given joints [1]; (168)."""
-    parameters = _parameters(data, chain)
-    return parameters / max(_values(data) - parameters, 1)
 
 
 def chain_deviance(data: Data, chain: Chain) -> float:
@@ -226,22 +220,13 @@ def _deviance_of_points(data: Data, chain: Chain) -> float:
     """-2 ln evidence of the points normal to a chain, infinite where it has too many parameters for them."""
     square = squared_distances(data, chain, across=True)
     cost, values = float(data.weight @ square), 2 * int(np.count_nonzero(data.weight))
-    fitted, parameters = _values(data), _parameters(data, chain)
+    fitted, parameters = data.values_across, chain.parameters_across
     few = len(chain.bend) <= CHOICE.many_pieces
     least = CHOICE.values_per_parameter if few else CHOICE.whole_values_per_parameter
     if parameters * least > fitted or _lost_along(data, chain, cost):
         return math.inf
     variance = data.variance if data.variance > 0.0 else max(cost / values, 1e-280)
     return values * math.log(variance) + cost / variance + parameters * math.log(fitted)
-
-
-def _values(data: Data) -> int:
-    """Values that were sensed across the route: of the points that count, and of the directions."""
-    return 2 * int(np.count_nonzero(data.weight)) + 2 * data.fitted_directions
-
-
-def _parameters(data: Data, chain: Chain) -> int:
-    return len(chain.matrix) - (0 if data.free else 1)
 
 
 def _lost_along(data: Data, chain: Chain, across: float) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from tssgeom.core.constants import CHANCE, ROUNDING
+from tssgeom.core.constants import CHANCE
 from tssgeom.errors import FitError
 from tssgeom.route.filter_limits import FILTER
 from tssgeom.route.geometry import measure
@@ -72,24 +72,3 @@ def noise_left(now: PointFilter, stated: float | None) -> float | None:
     if constant < FILTER.constant_share * stated**2:
         constant = 0.0
     return math.sqrt(constant + now.noise**2)
-
-
-def noise_growth(fitted: float, before: PointFilter | None, now: PointFilter | None) -> float:
-    """Return the noise that the fit of a frame may find, over that of the last one [1]; docs/model.md (255).
-
-    Parameters
-    ----------
-    fitted
-        Noise of the last fit [m].
-    before, now
-        The filter after the last frame and after this one; without a filter, `now` as before it, the points
-        are as sensed.
-    """
-    if before is None:
-        return 1.0
-    left = before.sensed_noise if now is None else now.noise
-    fitted = max(fitted, ROUNDING.exact * before.noise)
-    variance = fitted**2 + left**2 - before.noise**2
-    if fitted < before.noise:  # no part of it is the same in each frame
-        variance = max(variance, (fitted * left / before.noise) ** 2)
-    return math.sqrt(variance) / fitted

@@ -10,7 +10,7 @@ import numpy as np
 
 from tssgeom import core
 from tssgeom.arrays import Points, Vector, read_only
-from tssgeom.core.constants import CHANCE, ROUNDING
+from tssgeom.core.constants import ROUNDING
 from tssgeom.core.constants_route import ORDERING, POINTS, RAW, SPACING
 from tssgeom.errors import ShapeError
 from tssgeom.route.directions import checked_directions, listed
@@ -330,16 +330,3 @@ def outlier_warnings(shape: Shape, weight: Vector) -> tuple[str, ...]:
 
 def _points(count: int, kind: str) -> str:
     return f"{count} {kind} point" + ("" if count == 1 else "s")
-
-
-def order_warnings(shape: Shape, weight: Vector, stations: Vector, noise: float) -> tuple[str, ...]:
-    """Name the points that lie behind one before them by more than the noise of both [m]."""
-    used = np.flatnonzero(weight > 0.0)
-    at = stations[used]
-    least = CHANCE.never * noise + ROUNDING.relative * (at[-1] - at[0])
-    behind = used[np.maximum.accumulate(at) - at > least]
-    if not len(behind):
-        return ()
-    named = listed(shape.index[behind].astype(int))
-    some = "1 point runs" if len(behind) == 1 else f"{len(behind)} points run"
-    return (f"{some} {BACK} {named}: check for points out of order",)

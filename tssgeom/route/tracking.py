@@ -6,37 +6,148 @@ one, after the result is out and a step at a time, so that no frame waits for it
 
 from __future__ import annotations
 
+import math
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, cast
 
 import numpy as np
 
 from tssgeom import core
 from tssgeom.arrays import Vector
+from tssgeom.core.constants import ROUNDING
+from tssgeom.core.constants_arcs import CHAIN_MOVES
+from tssgeom.core.constants_route import PASSES
 from tssgeom.errors import FitError
 from tssgeom.route.agreement import checked
-from tssgeom.route.arcs.chain import Chain, Data, fit_fixed_pieces, parameter_count
+from tssgeom.route.arcs.chain import Chain, Data, fit_fixed_pieces
 from tssgeom.route.arcs.moves import fit_chain
 from tssgeom.route.arcs.outliers import curvature_at_points, with_tangents, without_outlying_tangents
-from tssgeom.route.arcs.summary import ChainPieces, pieces_of
+from tssgeom.route.arcs.summary import ChainPieces, chain_fit
+from tssgeom.route.error_posterior import NO_POSTERIOR, ErrorPosterior
+from tssgeom.route.fibre.noise import LastNoise
 from tssgeom.route.geometry import (
     Method,
     chain_allowed,
-    chain_fit,
     measure,
     spline_fit,
     with_few_points_variance,
 )
-from tssgeom.route.model_check import SCHEDULE, ModelCheck, TrackedFit, model_checked
+from tssgeom.route.model_check import SCHEDULE, CheckRun, ModelCheck, steps_of
 from tssgeom.route.observations import Shape
-from tssgeom.route.route_fit import RouteFit
+from tssgeom.route.route_fit import NO_ERRORS, RouteFit, SharedErrors
 from tssgeom.route.spline.spline import Spline
 from tssgeom.route.spline.warm import warm
+from tssgeom.route.time_filter import PointFilter
 
 
 class NotWarmError(Exception):
     """A route has to be fitted from nothing, and the caller has no time for that."""
+
+
+@dataclass(frozen=True, slots=True)
+class TrackedFit:
+    """Fit of the last frame, and what the next one needs to go on from it."""
+
+    fit: RouteFit
+    index: Vector
+    """Count of each fitted point in the sensed sequence."""
+    age: int = 0
+    """Frames since the other estimator was tried."""
+    interval: int = SCHEDULE.first_interval
+    """Frames after which it is tried again."""
+    checks: int = 2
+    """Checks of the joints of a chain since they changed."""
+    candidate: Chain | Spline | None = None
+    """What may take over: a chain under trial, or the spline of the last trial."""
+    by_models: SharedErrors = NO_ERRORS
+    """Variances from the choice between the two, and from forms that no point shows."""
+    trials: int = 0
+    """Checks that the candidate chain has gone through."""
+    run: CheckRun | None = None
+    """The check that is under way."""
+    frames: int = 0
+    """Frames that it has taken so far."""
+    due: bool = False
+    """Whether the steps that follow this frame are still to be made."""
+    warm_only: bool = False
+    """Whether the next fit may only go on from here: one from nothing takes ten times as long."""
+    marker_axis: Vector | None = None
+    """First axis across the route at the first marker, where markers sit beside the route [3]."""
+    filtered: PointFilter | None = None
+    """The points as filtered in time, where they are."""
+    sensed_over_fitted: float = 1.0
+    """Noise of the sensed points over that of those that were fitted [1]."""
+    noise_growth: float = 1.0
+    """Noise that the next fit is expected to find over that of this one [1]."""
+    first_noise: float = 0.0
+    """Noise of the fit from which the warm ones began [m]."""
+    first_left: float = 0.0
+    """Noise that the filter left of the points of that fit [m]."""
+    noise_bounded: bool = False
+    """Whether fits of few points went astray, so that the noise is taken from differences in time."""
+    noise_of_time: bool = False
+    """Whether few points showed less noise than the filter leaves, so that it is taken from that."""
+    noise_contradicted: bool = False
+    """Whether the points contradict the noise that is stated of them, so that it is estimated."""
+    direction_noise: float = 0.0
+    """Noise of a component of sensed directions that was estimated [rad]."""
+    fibre_noise: LastNoise | None = None
+    """Noise of the curvatures of a fibre that was estimated."""
+    errors: ErrorPosterior = NO_POSTERIOR
+    """What errors that neighbouring points share mean for the fit."""
+
+    is_stale: bool = False
+    """Whether few points went over to another estimator, whose errors are those of the route as it was."""
+
+    @property
+    def has_noise_of_time(self) -> bool:
+        """Whether few points were taken for a sharper route than their noise in time leaves; (272)."""
+        if self.filtered is None or not self.fit.is_of_few:
+            return False
+        return self.noise_of_time or PASSES.warm_noise * self.fit.noise**2 < self.filtered.noise**2
+
+    def start_for(self, now: PointFilter | None) -> TrackedFit | None:
+        """Return it as the start for a frame with these filtered points, and with the noise to expect there.
+
+        None where a fit from nothing shows more: points were exchanged, or few have so little noise left.
+        """
+        growth = noise_growth(self.fit.noise, self.filtered, now)
+        if now is not None and now.reordered:
+            return None
+        quieter = now is not None and PASSES.warm_noise * now.noise**2 < self.first_left**2
+        return None if quieter and self.fit.is_of_few else replace(self, noise_growth=growth)
+
+    @classmethod
+    def of(cls, fit: RouteFit, index: Vector) -> TrackedFit:
+        """Begin with a fit that was made from nothing."""
+        return cls(fit, index, by_models=fit.by_models)
+
+    def beside(self, fit: RouteFit) -> RouteFit:
+        """Return the fit of a later frame with these variances added."""
+        return replace(self.by_models.of_stream(fit), turned=self.fit.turned)
+
+    def with_check(self, check: ModelCheck | None) -> TrackedFit:
+        """Begin a check, where there is one."""
+        if check is None:
+            return self
+        # joints are tried at once: those of a route that slides are soon wrong
+        work = math.inf if check.candidate == "joints" else CHAIN_MOVES.work_of_any
+        return replace(self, run=CheckRun(steps_of(check, self), work), frames=0, due=True)
+
+    def taken_over(
+        self, fit: RouteFit, index: Vector, candidate: Spline | None, added: SharedErrors
+    ) -> TrackedFit:
+        """Go on with the fit of another estimator, of the points of an earlier frame."""
+        return TrackedFit(
+            fit,
+            index,
+            candidate=candidate,
+            by_models=added,
+            marker_axis=self.marker_axis,
+            filtered=self.filtered,
+            is_stale=fit.is_of_few,
+        )
 
 
 def follow(shape: Shape, noise: float | None, last: TrackedFit | None, method: Method = "auto") -> TrackedFit:
@@ -79,6 +190,40 @@ def follow(shape: Shape, noise: float | None, last: TrackedFit | None, method: M
     return TrackedFit.of(measure(shape, noise, method), shape.index)
 
 
+def model_checked(last: TrackedFit) -> TrackedFit:
+    """Make the steps of a check that are due after a frame; its end may select another estimator or joints.
+
+    `follow` does so itself where it was not done; to have it done between two frames changes nothing else.
+    """
+    if not last.due or last.run is None:
+        return last
+    outcome = last.run.after(last.frames + 1)
+    if outcome is None:
+        return replace(last, frames=last.frames + 1, due=False)
+    return replace(outcome(last), run=None, frames=0, due=False)
+
+
+def noise_growth(fitted: float, before: PointFilter | None, now: PointFilter | None) -> float:
+    """Return the noise that the fit of a frame may find, over that of the last one [1]; docs/model.md (255).
+
+    Parameters
+    ----------
+    fitted
+        Noise of the last fit [m].
+    before, now
+        The filter after the last frame and after this one; without a filter, `now` as before it, the points
+        are as sensed.
+    """
+    if before is None:
+        return 1.0
+    left = before.sensed_noise if now is None else now.noise
+    fitted = max(fitted, ROUNDING.exact * before.noise)
+    variance = fitted**2 + left**2 - before.noise**2
+    if fitted < before.noise:  # no part of it is the same in each frame
+        variance = max(variance, (fitted * left / before.noise) ** 2)
+    return math.sqrt(variance) / fitted
+
+
 def _follow_chain(
     shape: Shape, noise: float | None, last: TrackedFit, chain: Chain, method: Method
 ) -> TrackedFit | None:
@@ -95,13 +240,13 @@ def _follow_chain(
         tangents = without_outlying_tangents(data, fit_fixed_pieces(data, chain, restart=True)).tangents
     if tangents is not None:
         unit, weights = tangents.unit, tangents.weight
-    count = parameter_count(chain.curved, free)
+    count = chain.parameters_across + (not free)
     spacing, shortest, fits, weight, form, stations, matrix, cost, square, *of_pieces = core.follow_chain(
         count, shape.points, free, known, unit, weights, *chain[:3], variance
     )
     data = Data(shape.points, weight, free, known, spacing, tangents, shortest)
     chain = Chain(form, chain.curved, stations, matrix, cost, square)
-    pieces: ChainPieces | None = pieces_of(*cast("tuple[Any, ...]", of_pieces))
+    pieces: ChainPieces | None = ChainPieces(*cast("tuple[Any, ...]", of_pieces))
     if not fits:
         if last.warm_only:
             return None

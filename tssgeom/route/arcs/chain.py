@@ -59,6 +59,11 @@ class Data(NamedTuple):
         """Number of directions that are fitted."""
         return 0 if self.tangents is None else int(np.count_nonzero(self.tangents.weight > 0.0))
 
+    @property
+    def values_across(self) -> int:
+        """Number of values that were sensed across the route: of the points that count, and of directions."""
+        return 2 * int(np.count_nonzero(self.weight)) + 2 * self.fitted_directions
+
 
 class Chain(NamedTuple):
     """A fitted chain.
@@ -105,6 +110,11 @@ class Chain(NamedTuple):
     def bend(self) -> Points:
         """Curvature components of each piece [k, 2] [1/m]."""
         return self.form[4:, 1:]
+
+    @property
+    def parameters_across(self) -> int:
+        """Number of its parameters where stations are unknown; one more where they are known."""
+        return parameter_count(self.curved, True)
 
 
 def form_of(start: Vector, axes: Matrix, joints: Vector, bend: Points) -> Points:

@@ -7,33 +7,100 @@ from __future__ import annotations
 
 import math
 from collections.abc import Generator
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
 from tssgeom import core
 from tssgeom.arrays import Matrix, Vector, read_only
+from tssgeom.core.constants import CHANCE, ROUNDING
 from tssgeom.errors import FitError
 from tssgeom.route.agreement import is_off, turns_unobserved
 from tssgeom.route.arcs.chain import Chain, Data, along
 from tssgeom.route.arcs.moves import Budget, without_piece
 from tssgeom.route.curvature import CurvatureProfile
+from tssgeom.route.directions import direction_warnings, listed
+from tssgeom.route.model_choice import chain_deviance
+from tssgeom.route.observations import BACK, Shape, outlier_warnings
 from tssgeom.route.pieces import Arcs
 from tssgeom.route.route import Route, summed
-from tssgeom.route.route_fit import Nodes
+from tssgeom.route.route_fit import Deferred, Nodes, RouteFit
 from tssgeom.route.steps import at_once
 
 _NODES = 161  # beside the joints
 
 
 class ChainPieces(NamedTuple):
-    """Pieces of a fitted chain."""
+    """Pieces of a fitted chain, as the core returns them."""
 
-    arcs: Arcs
+    length: Vector
+    """Length of each [k] [m]."""
+    angle: Vector
+    """Angle of each [k] [rad]."""
+    covariance: Matrix
+    """Covariance of both [2k, 2k] [m, rad]."""
     noise: float
     """Noise of a coordinate [m]."""
     unidentifiable: int
     """Piece whose bend is known least, if its points do not determine it, or -1."""
+
+    @property
+    def arcs(self) -> Arcs:
+        """The pieces, with their covariance."""
+        for array in self[:3]:
+            array.flags.writeable = False
+        return Arcs(self.length, self.angle, self.covariance, "arcs")
+
+
+def chain_fit(shape: Shape, data: Data, chain: Chain, pieces: ChainPieces | None = None) -> RouteFit:
+    """Fit of a chain with its pieces, where they are known already; its nodes and evidence are deferred."""
+    warnings = outlier_warnings(shape, data.weight)
+    if data.tangents is not None:
+        used = np.where(data.tangents.variance[:, None] > 0.0, data.tangents.unit, np.nan)
+        warnings += direction_warnings(shape.directions, used, shape.index)
+    if pieces is None or pieces.unidentifiable >= 0:
+        chain, pieces = identifiable(data, chain, pieces)
+    stated = math.sqrt(data.variance)
+    if 0.0 < stated < pieces.noise:
+        warnings += (
+            f"the points lie {1e3 * pieces.noise:.3g} mm from the route, by which its standard errors are, "
+            f"and not {1e3 * stated:.3g} mm: check for outlying points, and the noise where one is stated",
+        )
+    if data.free:
+        warnings += _order_warnings(shape, data.weight, chain.stations, pieces.noise)
+    fit = RouteFit(
+        arcs=pieces.arcs,
+        noise=pieces.noise,
+        weight=data.weight,
+        nodes=Deferred(partial(chain_nodes, data, chain, pieces.noise)),
+        evidence=Deferred(partial(_chain_log_evidence, data, chain)),
+        warnings=warnings,
+        chain=chain,
+    )
+    return fit.with_angle_variance(search_variance(data, chain) * fit.arcs.total_angle_se**2)
+
+
+def _order_warnings(shape: Shape, weight: Vector, stations: Vector, noise: float) -> tuple[str, ...]:
+    """Name the points that lie behind one before them by more than the noise of both [m]."""
+    used = np.flatnonzero(weight > 0.0)
+    at = stations[used]
+    least = CHANCE.never * noise + ROUNDING.relative * (at[-1] - at[0])
+    behind = used[np.maximum.accumulate(at) - at > least]
+    if not len(behind):
+        return ()
+    named = listed(shape.index[behind].astype(int))
+    some = "1 point runs" if len(behind) == 1 else f"{len(behind)} points run"
+    return (f"{some} {BACK} {named}: check for points out of order",)
+
+
+def search_variance(data: Data, chain: Chain) -> float:
+    """Return what the search for joints adds to the variance of Φ, over that at given joints [1]; (168)."""
+    return chain.parameters_across / max(data.values_across - chain.parameters_across, 1)
+
+
+def _chain_log_evidence(data: Data, chain: Chain) -> float:
+    return -0.5 * chain_deviance(data, chain)
 
 
 def chain_nodes(data: Data, chain: Chain, noise: float) -> Nodes:
@@ -60,7 +127,7 @@ def chain_nodes(data: Data, chain: Chain, noise: float) -> Nodes:
 
 def chain_pieces(data: Data, chain: Chain) -> ChainPieces:
     """Return the pieces of a fitted chain; docs/model.md (33)."""
-    return pieces_of(*core.chain_pieces(*data.sensed, *chain[:5])[:5])
+    return ChainPieces(*core.chain_pieces(*data.sensed, *chain[:5])[:5])
 
 
 def identifiable(
@@ -98,15 +165,6 @@ def chain_follows(data: Data, chain: Chain) -> bool:
     edge = chain.edges
     turned = np.interp(chain.stations, edge, summed(np.linalg.norm(chain.bend, axis=1) * np.diff(edge)))
     return not turns_unobserved(data.points, data.weight, chain.stations, turned)
-
-
-def pieces_of(
-    length: Vector, angle: Vector, covariance: Matrix, noise: float, unidentifiable: int
-) -> ChainPieces:
-    """Pieces as the core returns them."""
-    for array in (length, angle, covariance):
-        array.flags.writeable = False
-    return ChainPieces(Arcs(length, angle, covariance, "arcs"), noise, unidentifiable)
 
 
 def _profile(data: Data, chain: Chain, ends: Vector, at: Vector) -> CurvatureProfile:

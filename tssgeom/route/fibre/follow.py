@@ -11,10 +11,10 @@ from tssgeom.arrays import Matrix, Vector
 from tssgeom.route.fibre.models import stretches
 from tssgeom.route.fibre.noise import LastNoise
 from tssgeom.route.fibre.sensed import clean_fibre, fit_fibre, sensed_shape
-from tssgeom.route.model_check import TrackedFit
-from tssgeom.route.noise import noise_growth, noise_left
+from tssgeom.route.noise import noise_left
 from tssgeom.route.observations import Shape
 from tssgeom.route.time_filter import PointFilter, begun, filtered
+from tssgeom.route.tracking import TrackedFit, noise_growth
 
 
 class FibreReading(NamedTuple):
