@@ -44,7 +44,7 @@ class Track:
 
     def check_model(self) -> None:
         """Make the step of the model check that is due after a frame."""
-        if self.last is not None:
+        if self.last is not None and self.last.due:
             self.last = model_checked(self.last)
 
 

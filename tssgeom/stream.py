@@ -158,7 +158,8 @@ def pulled(
         raise SettingsError("the state is of a machine, the rig is one tendon on a spring: start anew")
     shape, tracked, fit, shared = sensed
     length = fit.arcs.total_length
-    frame_warnings(frame, rig, length, frame.tension_in or 0.0)  # before a follower takes them in
+    pull = frame.tension_in or 0.0
+    warnings = frame_warnings(frame, rig, length, pull)  # before a follower takes them in
     points = tracked.filtered
     stands = None if points is None else points.stands
     at = Step(fit.arcs, frame.time, frame.temperature, stands, shared)
@@ -176,7 +177,8 @@ def pulled(
         moved, command, commander = carry.moved(follower, commander, state, at, given, read, tension_in)
         rig = follower.carried.rig
     most = moved.tension_in if command is None else max(moved.tension_in, command.tension_in)
-    warnings = frame_warnings(frame, rig, length, most)
+    if follower is not None or most > pull:
+        warnings = frame_warnings(frame, rig, length, most)
     whole, moved, transmission = _transmitted(state, moved, rig, stands, fit, shared)
     known = None if follower is None else follower.known
     if known is not None:

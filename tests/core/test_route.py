@@ -1,5 +1,6 @@
 """The compiled geometry of a route against the same in plain Python, on random routes and broken ones."""
 
+import math
 import warnings
 from itertools import pairwise
 
@@ -112,6 +113,13 @@ def test_lengths_of_points():
         p = random_route(rng)
         weight, known = (rng.random(len(p)) < 0.8).astype(float), np.cumsum(rng.uniform(0, 0.1, len(p)))
         close(core.path_length(p, weight), points.path_length(p, weight))
+        length, angle, root = rng.uniform(0.01, 0.1, 3), rng.uniform(0.0, 1.0, 3), rng.normal(size=(6, 6))
+        covariance = root @ root.T
+        expected = (length.sum(), math.sqrt(covariance[3:, 3:].sum()), length.min())
+        *totals, every, ignored, path = core.totals(length, angle, covariance, p, weight)
+        close(totals, expected)
+        close(every, length.sum() + angle.sum() + covariance.sum())
+        close((ignored, path), points.path_length(p, weight))
         close(core.mean_spacing(p), points.mean_spacing(p))
         close(core.spacing_of_pieces(p, 0.3), points.spacing_of_pieces(p, 0.3))
         every = max(len(p) // 8, 1)

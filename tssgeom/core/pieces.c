@@ -171,12 +171,13 @@ ENTRY int64_t tss_joints(
     return pieces_of_curvature(n, s, tangent, bend, covariance, freedom, (double)points, joints, work[0]);
 }
 
-/** Sums of a fit: length and angle of all pieces, and the standard error of that angle; finite or not, by the sum
-of every number. Parameters: length [m] and angle [rad] of each piece, and their covariance. */
+/** Sums of a fit: length of all pieces, and the standard error of their angle; finite or not, by the sum of every
+number; how many points have no weight, and the path through the others [m]. Parameters: length [m] and angle [rad] of
+each piece, their covariance, and the points with their weights. */
 ENTRY void tss_totals(
     int64_t k, const double length[k], const double angle[k], int64_t values, const double covariance[values][values],
-    OUT double *total_length, OUT double *total_angle, OUT double *total_angle_se, OUT double *shortest,
-    OUT double *all) {
+    int64_t n, const double points[n][3], const double weight[n], OUT double *total_length,
+    OUT double *total_angle_se, OUT double *shortest, OUT double *all, OUT int64_t *ignored, OUT double *path) {
     double lengths = 0.0, angles = 0.0, variance = 0.0, sum = 0.0;
     *shortest = INFINITY;
     for (int64_t j = 0; j < k; j++) {
@@ -188,6 +189,7 @@ ENTRY void tss_totals(
             sum += covariance[j][i];
             if (j >= values / 2 && i >= values / 2) variance += covariance[j][i];
         }
-    *total_length = lengths, *total_angle = angles, *total_angle_se = sqrt(most(variance, 0.0));
+    *total_length = lengths, *total_angle_se = sqrt(most(variance, 0.0));
     *all = lengths + angles + sum;
+    tss_path_length(n, points, weight, ignored, path);
 }

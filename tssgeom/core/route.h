@@ -12,3 +12,4 @@ double outlier_limit(int64_t count, double variance);
 double residual_variance(double known, double robust, double spacing);
 
 double tss_spacing_of_pieces(int64_t n, const double points[n][3], double length, double work[n]);
+void tss_path_length(int64_t n, const double points[n][3], const double weight[n], int64_t *ignored, double *path);

@@ -130,7 +130,7 @@ def frame_warnings(
     """
     require_one_target(frame.displacement_target, frame.tension_out_target)
     remarks = [*frame_remarks(frame, length), *others, *strain_remarks(rig, length, tension)]
-    return tuple(warnings_of(None, remarks))
+    return tuple(warnings_of(None, remarks)) if remarks else ()
 
 
 def command_remarks(rig: Rig, length: float, tension: float, displacement: float) -> Iterator[Remark]:

@@ -175,10 +175,11 @@ def refuse_lost(fit: RouteFit, points: Points) -> None:
     were ignored, or the path from point to point is longer than the route, or far shorter.
     """
     arcs = fit.arcs
-    length, _, angle_se, shortest, every = core.totals(arcs.length, arcs.angle, arcs.covariance)
+    length, angle_se, shortest, every, ignored, path = core.totals(
+        arcs.length, arcs.angle, arcs.covariance, points, fit.weight
+    )
     if not math.isfinite(every) or shortest <= 0.0:
         raise FitError("the points give no finite curve: check the unit, and check for outlying points")
-    ignored, path = core.path_length(points, fit.weight)
     chord = math.hypot(length / len(points), math.sqrt(6.0) * fit.noise)
     too_long = path > AGREEMENT.longest_path * len(points) * chord
     lost = ignored > AGREEMENT.most_ignored * len(points) or too_long

@@ -166,7 +166,7 @@ def _filtered(before: PointFilter, points: Points, noise: float, time: float) ->
         _complete(points) or np.isfinite(points[~np.isnan(points)]).all()
     ):
         return None
-    points = read_only(as_points(points))
+    points = np.ascontiguousarray(as_points(points), dtype=np.float64)
     passed = time - before.time
     interval = before.interval or (passed if passed > 0.0 else 1.0)
     step = passed / interval if passed > 0.0 else 1.0
