@@ -123,12 +123,13 @@ def _reader(file: Path) -> Reader:
             if fits(file):
                 return reader
         raise SourceError(f"{file}: a folder, not a file: name the files in it")
-    reader = READERS.get(ending(file))
-    if (reader is None or ending(file) in ONLY_NAMED) and _is_recording(file.parent):
+    kind = ending(file)
+    reader = READERS.get(kind)
+    if (reader is None or kind in ONLY_NAMED) and _is_recording(file.parent):
         raise SourceError(f"{file}: a part of a recording: name the folder, {file.parent}")
     if reader is None:
-        hint = _HINTS.get(ending(file).removesuffix(PACKED), f"use {_endings()}")
-        raise SourceError(f"{file}: no reader takes {ending(file) or 'a file without ending'!r}: {hint}")
+        hint = _HINTS.get(kind.removesuffix(PACKED), f"use {_endings()}")
+        raise SourceError(f"{file}: no reader takes {kind or 'a file without ending'!r}: {hint}")
     return reader
 
 
