@@ -162,7 +162,6 @@ def _estimates(fitted: MachineCalibration) -> tuple[Estimate, ...]:
     )
 
 
-_BARS = (24, 12, 6)
 _ROUND = 4.4  # μΦ of the band; its set's README has 4.1 to 4.7 as ln of the end forces
 _LEVER = 1.9  # friction force over the difference of the end forces; the same, 0.0019 to 0.0020 kip/lb
 
@@ -272,7 +271,8 @@ def _predictions(
         zeroed = run.name not in names and case.responses[0].zeroed and len(case.responses) == 1
         if zeroed:  # both count from the first row
             values = {key: 0.0 if "zero" in key[0] else value for key, value in mean.items()}
-        for name, samples in finely_predicted(run, model.rig, values, _BARS).items():
+        bars = (model.problem.fine, model.problem.bars)
+        for name, samples in finely_predicted(run, model.rig, values, *bars).items():
             column = run.at_readings(samples)
             out[name][rows] = column - column[0] if zeroed else column
     made = tuple(

@@ -53,8 +53,6 @@ from tssgeom.statistics import EVIDENCE_SCALE
 from tssgeom.tendon.machine_simulation import drive_channels
 from tssgeom.uncertain import Uncertain
 
-_BARS = (FIT.fine, 2 * FIT.bars, FIT.bars)
-"""Bars of each tendon in a trace, fewer where more find no equilibrium; chosen."""
 _NAMES = {"friction.coefficient": "friction", "tendon.compliance_per_N": "compliance_per_N"}
 
 
@@ -233,7 +231,7 @@ class MachineWork:
         for k, run in enumerate(self.fitted):
             numbers = [one.problem.of_run(one.state.u, k) for one in models]
             pairs = zip(models, numbers, strict=True)
-            both = [finely_predicted(run, one.rig, own, _BARS) for one, own in pairs]
+            both = [finely_predicted(run, one.rig, own, one.problem.fine, FIT.bars) for one, own in pairs]
             if not run.held_out.any():
                 yield _trace(run, both, noise, run.name, held=False)
                 continue
@@ -245,7 +243,8 @@ class MachineWork:
             for one in models:
                 on = one.on_known_routes(run)
                 own, there = own_numbers(on, one.rig, one.fixed, one.problem.fine)
-                both.append(finely_predicted(on, one.rig, own.of_run(there.u, 0), _BARS))
+                of_run = own.of_run(there.u, 0)
+                both.append(finely_predicted(on, one.rig, of_run, own.fine, FIT.bars))
             yield _trace(replace(run, held_out=~run.held_out), both, noise, run.name, held=True)
 
 

@@ -82,12 +82,12 @@ def _read(
 
 
 def finely_predicted(
-    run: MachineRun, rig: Rig, values: Mapping[tuple[str, str], float], bars: Sequence[int]
+    run: MachineRun, rig: Rig, values: Mapping[tuple[str, str], float], most: int, least: int
 ) -> dict[str, Vector]:
-    """Return what `predicted` does with the first number of bars that finds an equilibrium."""
-    for count in bars[:-1]:
+    """Return what `predicted` does with most bars, or half of them until there is an equilibrium."""
+    while most >= 2 * least:
         try:
-            return predicted(run, rig, values, count)
+            return predicted(run, rig, values, most)
         except FitError:
-            continue
-    return predicted(run, rig, values, bars[-1])
+            most //= 2
+    return predicted(run, rig, values, least)

@@ -119,14 +119,15 @@ class Problem:
         return changed
 
     def corrected(self, u: Vector, channels: Sequence[Mapping[str, Vector]]) -> Problem:
-        """Return the problem with what more bars than its own would add at these numbers."""
-        fine = replace(self, bars=self.fine).model(u)
+        """Return the problem with what as many bars as have an equilibrium would add at these numbers."""
+        bars, fine = self.fine, None
+        while fine is None and bars >= 2 * self.bars:
+            fine, bars = replace(self, bars=bars).model(u), bars // 2
         if fine is None:
             return self
-        added = [
-            {name: each[name] - few[name] for name in each} for each, few in zip(fine, channels, strict=True)
-        ]
-        return replace(self, too_few_bars=tuple(added))
+        pairs = zip(fine, channels, strict=True)
+        added = tuple({name: each[name] - few[name] for name in each} for each, few in pairs)
+        return replace(self, too_few_bars=added)
 
     def answers(self, channels: Sequence[Mapping[str, Vector]]) -> list[Mapping[str, Vector]]:
         """Return the channels of each run with what more bars would add."""
