@@ -1,6 +1,7 @@
 """Calibration identifies the model's numbers, and states which of them a run does not determine."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ import pytest
 from tssgeom.errors import SettingsError
 from tssgeom.identify.calibrated_run import Measured
 from tssgeom.identify.calibration import calibrate
+from tssgeom.identify.fit_quality import ChannelFit
 from tssgeom.identify.turning import legs
 from tssgeom.rig import Friction, Rig, ShapeSensor, Tendon
 from tssgeom.route.pieces import Arcs
@@ -96,6 +98,14 @@ def test_far_off_readings_hardly_count():
     out[::40] += 5.0
     result = calibrate(Measured(run.time, run.tension_in, None, out, run.elongation), HALF, Rig())
     assert result.estimates["friction"].value == pytest.approx(MU, rel=0.02)
+
+
+@pytest.mark.parametrize(("over_noise", "warned"), [(2.2, False), (3.0, True)])
+def test_lasting_residuals_lack_an_effect_beyond_what_sound_runs_leave(over_noise, warned):
+    met = ChannelFit("tension_out", "N", over_noise * 0.03, 300, 300.0, 0.03, 15.0, whiteness_p=0.0)
+    assert met.lacks_an_effect == warned
+    assert met.passes
+    assert not replace(met, whiteness_p=1.0).lacks_an_effect
 
 
 def test_residuals_of_a_few_times_the_noise_are_warned_of():

@@ -15,6 +15,7 @@ from tssgeom.identify.misfit import _is_worse, held_out
 from tssgeom.identify.readings import noise_of, readings, with_held_out
 from tssgeom.rig import Rig, Sensor
 from tssgeom.route.pieces import Arcs
+from tssgeom.statistics import NORMAL_95
 
 
 @pytest.fixture(scope="module")
@@ -38,6 +39,13 @@ def test_held_out_runs_contradict_a_play_that_is_not_there(clean):
 def test_a_part_that_lowers_what_held_out_runs_leave_counts_for_it(clean):
     held, at = clean
     assert held.rise(with_part(at, Backlash(width_m=1e-4)), at) < -10.0
+
+
+def test_held_out_runs_contradict_a_part_from_the_rise_on_that_chance_makes_in_one_of_twenty(clean):
+    held, at = clean
+    offsets = np.geomspace(0.01, 0.1, 40)
+    rises = [held.rise(at, with_part(at, TensionOutOffset(offset_N=size))) for size in offsets.tolist()]
+    assert 0.9 < max(rise for rise in rises if rise < np.inf) / NORMAL_95**2 < 1.1
 
 
 def test_a_part_that_makes_one_channel_worse_is_contradicted_however_much_another_gains(clean):

@@ -8,6 +8,7 @@ import pytest
 
 from tssgeom.arrays import rows_at
 from tssgeom.errors import ShapeError
+from tssgeom.route.fibre.models import Partition, Sensed, piece_curvature
 from tssgeom.route.fibre.route import integrated
 from tssgeom.route.fibre.sensed import clean_fibre, fit_fibre
 from tssgeom.route.route_fit import RouteFit
@@ -156,6 +157,14 @@ def test_straight_pieces_have_exactly_no_angle():
     assert arcs.angle[1] == pytest.approx(13 * 0.25, abs=3 * arcs.total_angle_se)
 
 
+def test_noise_across_a_bend_makes_no_piece_more_curved():
+    four = Sensed(np.linspace(0.0, LENGTH, 4), np.tile([3.0, 4.0], (4, 1)), np.ones(4), 2.0)
+    whole = Partition(0.0, np.array([0, 4]), np.array([True]))
+    kappa, variance = piece_curvature(four, whole, 2.0)
+    assert (kappa.item(), variance.item()) == pytest.approx((np.sqrt(24.0), 1.0))  # docs/model.md, (241)
+    assert piece_curvature(four, whole, 12.0)[0] == 0.0  # no more than noise
+
+
 def test_curvatures_of_zero_leave_the_angle_that_the_known_noise_could_hide():
     arcs = measured(read(np.zeros((18, 2)), stations(18)), 0.5).arcs
     assert arcs.total_angle == 0.0
@@ -203,6 +212,15 @@ def test_angle_and_error_do_not_depend_on_the_unit():
     large = measured(clean_fibre(bend / 10, 10 * s), 0.03).arcs
     assert large.total_angle == pytest.approx(small.total_angle, rel=1e-9)
     assert large.total_angle_se == pytest.approx(small.total_angle_se, rel=1e-9)
+
+
+def test_pieces_that_stand_for_a_smooth_route_do_not_depend_on_the_unit():
+    s = stations(60)
+    bend = harmonics(np.random.default_rng(11))(s)
+    small = measured(clean_fibre(bend, s), 1e-3).arcs
+    large = measured(clean_fibre(bend / 100, 100 * s), 1e-5).arcs
+    assert small.method == "spline"
+    assert large.length == pytest.approx(100 * small.length, rel=1e-9)
 
 
 def test_a_half_circle_ends_two_radii_aside():

@@ -69,6 +69,13 @@ def test_the_work_on_a_chain_has_a_bound_that_is_linear_in_the_points(monkeypatc
     assert sum(work[:-1]) <= most * (count + CHAIN_MOVES.work_of_any) < sum(work)
 
 
+def test_a_first_guess_has_no_more_pieces_than_a_chain_may_have():
+    shape = clean(_square_wave(400, 10))
+    smooth = spline_fit(spline := fit(shape, 1e-4))
+    assert len(smooth.arcs.length) > CHAIN_MOVES.most_pieces
+    assert len(first_chain(chain_data(shape, 1e-4, spline), smooth).bend) == CHAIN_MOVES.most_pieces
+
+
 def test_a_search_that_changes_nothing_is_made_once():
     shape = clean(_square_wave(749, 17))
     spline = fit(shape)
