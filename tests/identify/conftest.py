@@ -47,11 +47,17 @@ def campaign(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def result(campaign):
-    """What the workflow finds in a campaign."""
+    """What the workflow finds in a campaign, while the share of its work grows to 1."""
 
     @cache
     def finding(seed, effect=None, size=1.0, plan="full"):
-        return discover(campaign(seed, effect, size, plan)[0])
+        shares = list[float]()
+        made = discover(
+            campaign(seed, effect, size, plan)[0], progress=lambda step, share: shares.append(share)
+        )
+        assert shares == sorted(shares)
+        assert shares[-1] == 1.0
+        return made
 
     return finding
 

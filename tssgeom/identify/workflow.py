@@ -87,12 +87,12 @@ def _discovered(
     if _wants_laws(work):
         report("trying laws of their own", _LAWS_AT)
         bent = work.judged.bent
-        work = _with_laws(campaign, started.runs, work, report)
+        work = _with_laws(campaign, started.runs, work, lambda step: report(step, _LAWS_AT))
         other = None if bent else _by_tension(campaign, started, work, report)
         again = None if other is None else _worked(campaign, other, seed)
         if other is not None and again is not None:
             if not _explains(again) or _wants_laws(again):
-                again = _with_laws(campaign, other.runs, again, report)
+                again = _with_laws(campaign, other.runs, again, lambda step: report(step, _BY_TENSION_AT))
             if _explains(again) and (not _is_named(work) or _needs_nothing(again) or _position_errs(again)):
                 started, work = other, again
     report("mapping where they disagree", 0.8)
@@ -171,7 +171,7 @@ def _by_tension(
         return None
     if any("tension_in_N" not in run.measured or len(run.measured) < 2 for run in runs):
         return None
-    report("trying the tension as drive", 0.75)
+    report("trying the tension as drive", _BY_TENSION_AT)
     result = _started(campaign, "tension_in_N")
     note = "The proximal tension drives the model: with the position as drive, no name explains the readings."
     return replace(result, notes=(*result.notes, note))
@@ -196,12 +196,12 @@ def _leaves_something(work: Work) -> bool:
 
 
 def _with_laws(
-    campaign: Campaign, runs: tuple[Reading, ...], work: Work, report: Callable[[str, float], None]
+    campaign: Campaign, runs: tuple[Reading, ...], work: Work, report: Callable[[str], None]
 ) -> Work:
     """Return the work with laws and formulae together, where they help on what was not fitted; (191)."""
     tried, _ = variants(work.problem.stack)
     limits = detection_limits(work.problem.stack, campaign.rig)
-    search = searched(work.problem, work.base, tried, work.held, limits, lambda step: report(step, _LAWS_AT))
+    search = searched(work.problem, work.base, tried, work.held, limits, report)
     if not search.taken:
         return work
     judgement = judged_laws(search.problem, work.base, search.fit, work.held)
@@ -228,7 +228,7 @@ def _better(work: Work, laws: LawFit) -> bool:
     return fall > needed(laws) and laws.chi2 < names.chi2
 
 
-_LAWS_AT = 0.6  # share of the work done then; chosen
+_LAWS_AT, _BY_TENSION_AT = 0.6, 0.75  # shares of the work done then; chosen
 
 
 def _silent(step: str, share: float) -> None:
