@@ -1,10 +1,11 @@
-"""A day of a stream as fast as it answers, `python -m tests.attack.day [--seconds S] [--adapt]`: what grows?
+"""A day of a stream as fast as it answers, `python -m tests.attack.day [--seconds S] [--rate R]`: what grows?
 
-A frame of 100 Hz follows the answer to the last one. Meanwhile clients come, go and stay, frames are
-rejected, the route moves and leaps, and state and recording are kept. Memory of the stream and of the
-processes beside it, open files, threads and kept files are sampled; the slope of each over the frames of the
-second half says what a day adds. Few frames decide nothing: what is bounded fills up first. One step to a new
-high-water mark of the allocator counts as a slope too: what grows goes on to grow in a longer run.
+A frame follows the answer to the last one, until the day or the time is over. Meanwhile clients come, go and
+stay, frames are rejected, the route moves and leaps, and state and recording are kept. Memory of the stream
+and of the processes beside it, open files, threads, processes, kept files and the size of the state are
+sampled; the slope of each over the frames of the second half says what a day adds. Few frames decide nothing:
+what is bounded fills up first. One step to a new high-water mark of the allocator counts as a slope too: what
+grows goes on to grow in a longer run.
 """
 
 from __future__ import annotations
@@ -32,10 +33,11 @@ from tssgeom.rig import Rig
 from tssgeom.stream import Frame, FrameResult
 
 RATE = 100.0
-"""Frames a second of the day [Hz]."""
-DAY = 86400.0 * RATE
-"""Frames of a day [1]."""
-_MOST = {"memory": 64.0, "memory beside": 64.0, "open files": 16.0, "threads": 4.0, "kept files": 16.0}
+"""Frames a second of the day unless another rate is given [Hz]; cameras have 30, magnetic trackers 40."""
+DAY = 86400.0
+"""Length of a day [s]."""
+_MOST = {"memory": 64.0, "memory beside": 64.0, "open files": 16.0, "threads": 4.0}
+_MOST |= {"processes beside": 4.0, "kept files": 16.0, "kept state": 1.0}
 """What a day may add [MiB, 1]; chosen: a week of it is borne."""
 _POINTS, _CYCLE = 16, 6.0  # of a frame; s after which sway and pull are as at first
 _EVERY, _FIRST = 100, 20  # frames from one event to the next, and while the stream is new
@@ -56,9 +58,9 @@ class Trend:
     error: float
     """Standard error of it."""
 
-    def verdict(self, most: float) -> str:
+    def verdict(self, most: float, rate: float = RATE) -> str:
         """Say whether a day adds more than `most`: flat, grows, or open where the samples do not decide."""
-        days, beyond = 1e-6 * DAY * self.slope, 2e-6 * DAY * self.error
+        days, beyond = 1e-6 * DAY * rate * self.slope, 2e-6 * DAY * rate * self.error
         return "grows" if days - beyond > most else "flat" if days + beyond <= most else "open"
 
 
@@ -75,10 +77,10 @@ def trend(frames: Sequence[float], values: Sequence[float], least: int = _LEAST)
     return Trend(slope, math.sqrt(float(left @ left) / (_BLOCKS - 2) / float(x @ x)))
 
 
-def texts() -> list[bytes]:
+def texts(rate: float) -> list[bytes]:
     """Return frames of one cycle of sway and pull, with noisy readings of the model's drive and a target."""
-    count = round(_CYCLE * RATE)
-    times = np.arange(2 * count) / RATE
+    count = round(_CYCLE * rate)
+    times = np.arange(2 * count) / rate
     pulls = 8.0 + 4.0 * np.sin(2 * np.pi * times / SWAY_PERIOD / 1.5)
     exact = (
         Frame(1e-3 * points_mm(_POINTS, moment, noise=0.0), moment, tension_in=pull)
@@ -89,7 +91,7 @@ def texts() -> list[bytes]:
     drives = np.array([(one.tension_in, one.displacement_in) for one in results])
     drives += np.random.default_rng(0).standard_normal(drives.shape) * list(_SENSORS.values())
     return [
-        line(points_mm(_POINTS, k / RATE, k), 0.0, **dict(zip(_SENSORS, drive, strict=True)))
+        line(points_mm(_POINTS, k / rate, k), 0.0, **dict(zip(_SENSORS, drive, strict=True)))
         for k, drive in enumerate(drives.tolist())
     ]
 
@@ -100,22 +102,29 @@ class Day:
 
     stream: Live
     folder: Path
+    rate: float = RATE
     frames: int = 0
     unanswered: int = 0
     silence: float = 0.0
     """The longest wait for an answer [s]."""
     events: int = 0
     samples: list[dict[str, float]] = field(default_factory=list)
-    _texts: list[bytes] = field(default_factory=texts)
+    _texts: list[bytes] = field(default_factory=list)
     _guests: list[socket.socket] = field(default_factory=list)
 
+    @property
+    def hours(self) -> float:
+        """How long the stream has lived by the clock of its sensor [h]."""
+        return self.frames / self.rate / 3600.0
+
     def run(self, seconds: float) -> None:
-        """Send, and sample each second or more often."""
+        """Send until the day or the time is over, and sample each second or more often."""
+        self._texts = texts(self.rate)
         source, sink = self.stream.source(), self.stream.reader().sock
         sink.settimeout(20.0)
         begun, pause = time.monotonic(), min(1.0, seconds / 100.0)
         until, due, happen = begun + seconds, begun + pause, cycle(self._happenings())
-        while (now := time.monotonic()) < until and self.stream.alive:
+        while (now := time.monotonic()) < until and self.frames < DAY * self.rate and self.stream.alive:
             self._asked(source, sink, self._texts[self.frames % len(self._texts)])
             if self.frames % (_EVERY if self.frames > _NEW else _FIRST) == 0:
                 self.events += 1
@@ -135,7 +144,7 @@ class Day:
         """Send a frame and wait for its answer."""
         self.frames += 1
         name, begun = b'"id":"%d"' % self.frames, time.monotonic()
-        source.sendall(retimed(text, self.frames / RATE)[:-2] + b"," + name + b"}\n")
+        source.sendall(retimed(text, self.frames / self.rate)[:-2] + b"," + name + b"}\n")
         data = b""
         with suppress(TimeoutError):
             while name not in data:
@@ -180,9 +189,11 @@ class Day:
             "frames": float(self.frames),
             "memory": _resident(own),
             "memory beside": sum(_resident(Path(f"/proc/{pid}")) for pid in self.stream.children()),
+            "processes beside": float(len(self.stream.children())),
             "open files": float(len(os.listdir(own / "fd"))),
             "threads": float(len(os.listdir(own / "task"))),
             "kept files": float(len(os.listdir(self.folder))),
+            "kept state": sum(one.stat().st_size for one in self.folder.glob("state.json")) / 2**20,
         }
 
 
@@ -192,7 +203,7 @@ def _resident(process: Path) -> float:
     return pages * os.sysconf("SC_PAGE_SIZE") / 2**20
 
 
-def lived(seconds: float, folder: Path, *more: str) -> tuple[Day, list[str]]:
+def lived(seconds: float, folder: Path, *more: str, rate: float = RATE) -> tuple[Day, list[str]]:
     """Let a stream live; return its day, and what may not be."""
     rig = folder / "rig.toml"
     rig.write_text("".join(f"[sensors.{name}]\nnoise = {noise}\n" for name, noise in _SENSORS.items()))
@@ -204,7 +215,7 @@ def lived(seconds: float, folder: Path, *more: str) -> tuple[Day, list[str]]:
     keeps = ["--state", kept / "state.json", "--record", kept / "run.rrd", "--record-rotate", "4MB"]
     keeps += ["--write-rig", kept / "rig.toml"] if "--adapt" in more else []
     with live(*ends, *keeps, "--rig", rig, *more) as stream:
-        day = Day(stream, kept)
+        day = Day(stream, kept, rate)
         day.run(seconds)
         status = stream.stop(signal.SIGTERM)
     wrong = list[str]()
@@ -221,7 +232,7 @@ def judged(day: Day, least: int = _LEAST) -> Iterator[tuple[str, str]]:
     for what, most in _MOST.items():
         values = [one[what] for one in day.samples]
         made = trend(frames, values, least)
-        said = made.verdict(most)
+        said = made.verdict(most, day.rate)
         ends = f"{values[0]:.4g} at first, {values[-1]:.4g} at last"
         slope = f"{made.slope:+.3g} ± {made.error:.2g} in a million frames"
         print(f"{what}: {ends}, {slope}; a day may add {most:g}: {said}", flush=True)  # noqa: T201
@@ -232,14 +243,16 @@ def main() -> int:
     """Let a day pass, and return 1 where anything grows or happened that may not."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seconds", type=float, default=600.0)
+    parser.add_argument("--rate", type=float, default=RATE, help="frames a second by their times [Hz]")
     parser.add_argument("--adapt", action="store_true", help="follow the rig")
     parser.add_argument("--view", action="store_true", help="host the picture too")
     given = parser.parse_args()
     more = ["--adapt"] * given.adapt + ["--view", "--view-port", "9977"] * given.view
     with tempfile.TemporaryDirectory() as home:
-        day, faults = lived(given.seconds, Path(home), *more)
+        begun = time.monotonic()
+        day, faults = lived(given.seconds, Path(home), *more, rate=given.rate)
     print(  # noqa: T201
-        f"{day.frames} frames in {given.seconds:.0f} s, {day.frames / RATE / 3600.0:.2f} h at {RATE:g} Hz, "
+        f"{day.frames} frames in {time.monotonic() - begun:.0f} s, {day.hours:.2f} h at {day.rate:g} Hz, "
         f"{day.events} events; {day.unanswered} without an answer, longest wait {day.silence:.2f} s"
     )
     faults += [f"{what} grows" for what, verdict in judged(day) if verdict == "grows"]

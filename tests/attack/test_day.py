@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from tests import live_process
-from tests.attack.day import DAY, Trend, judged, lived, trend
+from tests.attack import day as a_day
+from tests.attack.day import DAY, RATE, Trend, judged, lived, trend
 from tests.live_process import PATIENCE, line, live, points_mm
 
 _GROWING = (
@@ -34,6 +35,12 @@ def test_a_stream_that_grows_is_detected(tmp_path, monkeypatch):
     assert last["open files"] - first["open files"] > 0.9 * (last["frames"] - first["frames"]) - 50  # clients
     assert last["memory"] - first["memory"] > 0.2 * (last["frames"] - first["frames"])
     assert {("memory", "grows"), ("open files", "grows")} <= set(judged(day, least=0))
+
+
+def test_a_day_of_a_slower_sensor_ends_after_as_many_frames_as_it_has(tmp_path, monkeypatch):
+    monkeypatch.setattr(a_day, "DAY", 3.0)
+    day, faults = lived(PATIENCE, tmp_path, rate=30.0)
+    assert (day.frames, day.hours, faults) == (90, pytest.approx(3.0 / 3600.0), [])
 
 
 def test_clients_that_have_gone_leave_nothing(tmp_path, monkeypatch):
@@ -88,7 +95,8 @@ def test_what_comes_before_the_stream_is_warm_counts_for_nothing():
     ("slope", "error", "verdict"), [(2.0, 0.1, "grows"), (0.5, 0.1, "flat"), (1.0, 0.3, "open")]
 )
 def test_what_the_samples_do_not_decide_stays_open(slope, error, verdict):
-    assert Trend(slope, error).verdict(1e-6 * DAY) == verdict
+    assert Trend(slope, error).verdict(1e-6 * DAY * RATE) == verdict
+    assert Trend(slope, error).verdict(1e-6 * DAY * 30.0, rate=30.0) == verdict
 
 
 def test_too_few_samples_decide_nothing():
