@@ -12,7 +12,7 @@ import pytest
 from pyigtl.messages import CRC64, MessageBase
 
 from tests.live.conftest import Shared
-from tests.live.peers import half_circle
+from tests.live.peers import half_circle, next_answer
 from tests.live_process import PATIENCE, Reader, live
 from tssgeom.errors import ShapeError
 from tssgeom.io.network.igtl import HEADER, Message, header_of, message_of, route_message, text_message
@@ -179,7 +179,7 @@ def test_a_server_that_is_not_reached_and_messages_that_are_not_read_are_reporte
                     )
                     peer.sendall(image.pack())
                 peer.sendall(pyigtl.PointMessage(POSITIONS, timestamp=3.0, device_name="route").pack())
-                assert json.loads(stream.output.readline())["t"] == 3.0
+                assert next_answer(stream)["t"] == 3.0
         assert stream.stop() == 0
     reports = [text for text in stream.errors if "not re" in text]
     assert len(reports) == 3
