@@ -141,7 +141,8 @@ def _status(arguments: Sequence[str] | None) -> int:
             sys.stdout.flush()
         return status
     except typer.TyperException as error:
-        return _failed(f"{error.format_message().rstrip('.')}: see tssgeom --help") if str(error) else 2
+        command = getattr(getattr(error, "ctx", None), "command_path", "tssgeom")
+        return _failed(f"{error.format_message().rstrip('.')}: see {command} --help") if str(error) else 2
     except Exception as error:
         return _expected(error)
     finally:

@@ -55,6 +55,12 @@ def test_a_misspelt_command_is_refused_with_the_one_that_is_meant(run):
     assert "Did you mean 'analyse'?" in outcome.errors[0]
 
 
+def test_a_wrong_option_is_refused_with_the_help_of_its_command(run):
+    outcome = run("analyse", "a.csv", "--ouut", "b")
+    assert outcome.status == 2
+    assert outcome.errors[0].endswith(": see tssgeom analyse --help")
+
+
 def test_version_is_printed(run):
     outcome = run("--version")
     assert outcome.status == 0

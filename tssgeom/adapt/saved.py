@@ -33,7 +33,6 @@ from tssgeom.adapt.saved_parts import (
     random_numbers,
     random_of,
     require_keys,
-    require_sound,
     set_random,
 )
 from tssgeom.adapt.trailed_drive import TrailedDrive
@@ -43,7 +42,7 @@ from tssgeom.errors import SettingsError, fault_of
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.machine_history import DriveName, Turning
-from tssgeom.tendon.saved import route_of
+from tssgeom.tendon.saved import require, route_of
 
 _STANDING_OF_MACHINE = ("memory", "coordinate", "block")
 _OF_MACHINE = {"drive", "recent", "joint", "path"}
@@ -212,26 +211,26 @@ def _checked(saved: Mapping[str, Any], rig: Rig) -> SavedFilter:
     channels = channels_read(rig) if rig.is_machine else CHANNELS
     mutable = channels if rig.is_machine else ("displacement_in_m", *CHANNELS)
     measured, muted = tuple(saved["measured"]), tuple(saved["muted"])
-    require_sound(set(measured) <= set(channels), "measured")
-    require_sound(set(muted) <= set(mutable), "muted")
+    require(set(measured) <= set(channels), "measured")
+    require(set(muted) <= set(mutable), "muted")
     more = more_of(saved["more"])
     effects = msgspec.convert(saved["effects"], tuple[AnyEffect, ...])
     own = followed_numbers(rig, measured)
     require_keys(saved, tuple(one.key for one in own))
     drive = saved["drive"] if rig.is_machine else None
-    require_sound(not rig.is_machine or drive in get_args(DriveName), "drive")
+    require(not rig.is_machine or drive in get_args(DriveName), "drive")
     cut = route_of(saved["cut"])
     fresh = _fresh(rig, effects, (*own, *more), cut, drive)
     arrays = {name: numbers_of(saved[name]) for name in ("about", "members", "committed")}
     arrays["committed"] = arrays["committed"].reshape(len(fresh.members), -1)
     for name, one in arrays.items():
-        require_sound(one.shape == getattr(fresh, name).shape, name)
+        require(one.shape == getattr(fresh, name).shape, name)
     check_numbers(fresh, arrays["members"], arrays["about"])
     time, waiting = float(saved["time"]), float(saved["waiting"])
     kept_time = float(saved["kept_time"]) if rig.is_machine else time
-    require_sound(all(abs(one) <= MOST for one in (time, waiting, kept_time)), "time or waiting")
+    require(all(abs(one) <= MOST for one in (time, waiting, kept_time)), "time or waiting")
     coldest = math.nan if saved.get("coldest") is None else float(saved["coldest"])
-    require_sound(not math.isinf(coldest), "coldest")
+    require(not math.isinf(coldest), "coldest")
     if rig.is_machine:
         recent = None if saved["recent"] is None else numbers_of(saved["recent"])
         path = None if saved.get("path") is None else _path_of(saved["path"], fresh, drive)
@@ -267,12 +266,12 @@ def _standing(saved: Mapping[str, Any], fresh: Ensemble, drive: DriveName | None
         like = getattr(fresh.now, name)
         if isinstance(like, np.ndarray):
             values[name] = numbers_of(saved[name], may_lack=name == "block")
-            require_sound(values[name].shape == like.shape, name)
+            require(values[name].shape == like.shape, name)
         else:
             values[name] = float(saved[name]) if name == "time" else saved[name]
-    require_sound(isinstance(values.get("by_force", False), bool), "by_force")
+    require(isinstance(values.get("by_force", False), bool), "by_force")
     one = replace(fresh.now, **{"time": time, **values})
-    require_sound(abs(one.time) <= MOST, "time")
+    require(abs(one.time) <= MOST, "time")
     check_memory(one.memory.reshape(len(fresh.members) * fresh.count, -1), len(fresh.edge))
     return one
 
@@ -281,17 +280,17 @@ def _path_of(saved: Mapping[str, Any], fresh: Ensemble, drive: DriveName | None)
     time = float(saved["time"])
     kept = {name: numbers_of(saved[name]) for name in ("committed", "values", "steps", "turns")}
     count, drives = fresh.committed.shape
-    require_sound(kept["committed"].shape == (count, drives), "path")
+    require(kept["committed"].shape == (count, drives), "path")
     for name, columns in (("values", drives), ("turns", 2 + count)):
-        require_sound(kept[name].ndim == 2 and kept[name].shape[1] == columns, "path")
+        require(kept[name].ndim == 2 and kept[name].shape[1] == columns, "path")
     readings = range(len(kept["values"]))
-    require_sound(kept["steps"].ndim == 1, "path")
-    require_sound(all(one in readings for one in (*kept["steps"], *kept["turns"][:, 1])), "path")
-    require_sound(all(one in range(drives) for one in kept["turns"][:, 0]), "path")
+    require(kept["steps"].ndim == 1, "path")
+    require(all(one in readings for one in (*kept["steps"], *kept["turns"][:, 1])), "path")
+    require(all(one in range(drives) for one in kept["turns"][:, 0]), "path")
     return DrivePath.of(_standing(saved["start"], fresh, drive, time), kept)
 
 
 def _turning(saved: Any) -> Turning:
     numbers = [math.nan if one is None else float(one) for one in saved]
-    require_sound(not any(math.isinf(one) for one in numbers), "turning")
+    require(not any(math.isinf(one) for one in numbers), "turning")
     return Turning(*numbers)

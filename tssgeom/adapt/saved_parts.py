@@ -20,7 +20,7 @@ from tssgeom.core.constants_tendon_rows import HELD, MEMORY
 from tssgeom.errors import SettingsError
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.capstan import MOST_TENSION
-from tssgeom.tendon.saved import route_object
+from tssgeom.tendon.saved import require, route_object
 
 VERSION = 4
 """Version of the objects of filters."""
@@ -33,31 +33,31 @@ def alert_of(saved: Mapping[str, Any], channels: Collection[str]) -> dict[str, A
     """Return the alert about one of some channels, which files of older programs do not have."""
     alert = msgspec.convert(saved.get("alert"), Alert | None)
     disagreed = msgspec.convert(saved.get("disagreed"), float | None)
-    require_sound(alert is None or (alert.channel in channels and disagreed is not None), "alert")
-    require_sound(disagreed is None or abs(disagreed) <= MOST, "disagreed")
+    require(alert is None or (alert.channel in channels and disagreed is not None), "alert")
+    require(disagreed is None or abs(disagreed) <= MOST, "disagreed")
     return {"alert": alert, "disagreed": math.nan if disagreed is None else disagreed}
 
 
 def check_numbers(fresh: Ensemble, members: Matrix, about: Vector) -> None:
     """Refuse numbers out of bounds, with a ValueError."""
     lower, upper = (np.array([getattr(one, side) for one in fresh.numbers]) for side in ("lower", "upper"))
-    require_sound(bool(((members >= lower) & (members <= upper)).all()), "members out of bounds")
-    require_sound(bool(((about >= lower) & (about <= upper)).all()), "about out of bounds")
+    require(bool(((members >= lower) & (members <= upper)).all()), "members out of bounds")
+    require(bool(((about >= lower) & (about <= upper)).all()), "about out of bounds")
 
 
 def check_memory(memory: Matrix, contacts: int) -> None:
     """Refuse memories of tendons [tendons, numbers] that cannot be, with a ValueError."""
     bars = contacts + 1
-    require_sound(memory.shape[1] == len(MEMORY) * bars + len(HELD), "memory")
+    require(memory.shape[1] == len(MEMORY) * bars + len(HELD), "memory")
     tension = memory[:, :bars]
-    require_sound(bool((tension >= 0.0).all() and (tension <= MOST_TENSION).all()), "tension")
+    require(bool((tension >= 0.0).all() and (tension <= MOST_TENSION).all()), "tension")
     slip = memory[:, MEMORY.slip * bars : MEMORY.slip * bars + contacts]
-    require_sound(bool(np.isin(slip, (-1.0, 0.0, 1.0)).all()), "slip")
+    require(bool(np.isin(slip, (-1.0, 0.0, 1.0)).all()), "slip")
 
 
 def drives_of(saved: Mapping[str, Any], names: Sequence[str]) -> dict[str, dict[str, Any]]:
     """Return what was kept of drives."""
-    require_sound(set(saved) == set(names), "drives")
+    require(set(saved) == set(names), "drives")
     return {name: _drive_of(saved[name]) for name in names}
 
 
@@ -71,27 +71,27 @@ def more_of(saved: Any) -> tuple[FollowedNumber, ...]:
 def drift_of(saved: Mapping[str, Any], fresh: Ensemble) -> Matrix:
     """Return what was kept of the drift of a filter's numbers."""
     rows = numbers_of(saved, may_lack=True)
-    require_sound(rows.shape == fresh.drift.rows.shape, "drift")
+    require(rows.shape == fresh.drift.rows.shape, "drift")
     rate = DriftRate(fresh.drift.stated)
     rate.set_rows(rows)
     for one in (rate.chances, rate.spreads, rate.waiting):
-        require_sound(bool((one >= 0.0).all()), "drift")
-    require_sound(np.allclose(rate.chances.sum(axis=1), 1.0) and bool(np.isfinite(rate.means).all()), "drift")
-    require_sound(not (rate.last[:, 1] < 0.0).any() and bool((rate.last[:, 2:] >= 0.0).all()), "drift")
-    require_sound(bool(np.isfinite(rate.beyond).all()), "drift")
+        require(bool((one >= 0.0).all()), "drift")
+    require(np.allclose(rate.chances.sum(axis=1), 1.0) and bool(np.isfinite(rate.means).all()), "drift")
+    require(not (rate.last[:, 1] < 0.0).any() and bool((rate.last[:, 2:] >= 0.0).all()), "drift")
+    require(bool(np.isfinite(rate.beyond).all()), "drift")
     return rows
 
 
 def _drive_of(saved: Mapping[str, Any]) -> dict[str, Any]:
     like = TrailedDrive(0.0).plain()
-    require_sound(saved.keys() == like.keys() and saved["way"] in (-1, 0, 1), "drives")
+    require(saved.keys() == like.keys() and saved["way"] in (-1, 0, 1), "drives")
     arrays = {name: numbers_of(saved[name]) for name, one in like.items() if isinstance(one, np.ndarray)}
     for name, one in arrays.items():
-        require_sound(one.ndim == 1 and (name == "recent" or len(one) == len(like[name])), "drives")
+        require(one.ndim == 1 and (name == "recent" or len(one) == len(like[name])), "drives")
     rest = like.keys() - arrays.keys() - {"way"}
     numbers = {name: math.nan if saved[name] is None else float(saved[name]) for name in rest}
-    require_sound(not any(abs(one) > MOST for one in numbers.values()), "drives")
-    require_sound(numbers["noise"] >= 0.0 and 0.0 <= numbers["turn_probability"] <= 1.0, "drives")
+    require(not any(abs(one) > MOST for one in numbers.values()), "drives")
+    require(numbers["noise"] >= 0.0 and 0.0 <= numbers["turn_probability"] <= 1.0, "drives")
     return {**arrays, **numbers, "way": saved["way"]}
 
 
@@ -114,14 +114,8 @@ def set_random(now: Ensemble, random: tuple[int, int]) -> None:
 def random_numbers(saved: Any) -> tuple[int, int]:
     """Return state and increment of a generator as they were written."""
     state, increment = (int(text, 16) for text in saved)
-    require_sound(0 <= state < 1 << _BITS and 0 < increment < 1 << _BITS and increment % 2 == 1, "random")
+    require(0 <= state < 1 << _BITS and 0 < increment < 1 << _BITS and increment % 2 == 1, "random")
     return state, increment
-
-
-def require_sound(sound: bool, name: str) -> None:
-    """Raise a ValueError that names what is not sound."""
-    if not sound:
-        raise ValueError(name)
 
 
 def plain(value: Any) -> Any:
@@ -145,7 +139,7 @@ def numbers_of(saved: Mapping[str, Any], *, may_lack: bool = False) -> Any:
     values = np.frombuffer(base64.b64decode(saved["float64"], validate=True), dtype="<f8")
     values = values.reshape([int(size) for size in saved["shape"]]).astype(np.float64)
     sound = (np.abs(values) <= MOST) | (may_lack & np.isnan(values))
-    require_sound(bool(sound.all()), "a number is not finite or too large")
+    require(bool(sound.all()), "a number is not finite or too large")
     return values
 
 

@@ -35,7 +35,7 @@ from tssgeom.plausibility.limits import LIMITS as PLAUSIBLE
 from tssgeom.rig import Rig
 from tssgeom.statistics import NORMAL_95
 
-ANGLE, _ = OF_END["joint"]
+ANGLE = OF_END["joint"][0]
 
 
 @dataclass(frozen=True, slots=True)

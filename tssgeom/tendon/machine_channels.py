@@ -108,7 +108,8 @@ def true_channels(
         if rig.drive.torque_constant_Nm_per_A > 0.0:
             out[OF_CURRENT] = motor[1] / rig.drive.torque_constant_Nm_per_A
     if rig.end.kind == "joint":
-        out |= zip(OF_END["joint"], (angles[:, 0],) if held is None else (angles[:, 0], held), strict=False)
+        angle, torque = OF_END["joint"]
+        out |= {angle: angles[:, 0]} | ({} if held is None else {torque: held})
     if rig.end.kind == "segment":
         out |= zip(OF_END["segment"], (*angles.T, *tip(angles, rig.end).T), strict=True)
     return out

@@ -42,10 +42,10 @@ _PERTURBED_LENGTH = 1e-3  # over which it bends [m]: short against everything el
 _PRINTED_CHANGE = 0.256e-3
 
 
-def cycle(*, peak: float = PEAK, count: int = 1) -> Vector:
-    """Tensions of `count` pulls from 0 N to `peak` and releases back [N]."""
-    up = np.linspace(0.0, peak, _SAMPLES)
-    return np.concatenate([np.tile(np.concatenate([up, up[-2:0:-1]]), count), [0.0]])
+def cycle() -> Vector:
+    """Tensions of one pull from 0 N to the peak, and of the release back to 0 N [N]."""
+    up = np.linspace(0.0, PEAK, _SAMPLES)
+    return np.concatenate([up, up[-2::-1]])
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,10 +62,10 @@ class OverTime:
     """Tensions and elongation at the same times."""
 
 
-def figure_4(rig: Rig = RIG) -> OverTime:
+def figure_4() -> OverTime:
     """Pull the half circle at 0.5 mm/s until 15 N and back."""
-    ends = driven(cycle(), HALF_CIRCLE, rig)
-    out = (ends.tension_out - rig.tendon.pretension_N) / rig.load.stiffness_N_per_m
+    ends = driven(cycle(), HALF_CIRCLE, RIG)
+    out = (ends.tension_out - RIG.tendon.pretension_N) / RIG.load.stiffness_N_per_m
     moved = ends.elongation + out  # docs/model.md (44)
     travelled = np.concatenate(([0.0], np.cumsum(np.abs(np.diff(moved)))))
     return OverTime(travelled / PULL_RATE, moved, out, ends)

@@ -49,7 +49,7 @@ def annotated(
     for n, k in enumerate(used.tolist()):  # above every outline
         if k >= 0:
             _write_beside(canvas, str(labels[n]), sightings.centre[k], _reach(sightings, k), outward[n], size)
-    return _headed(canvas, heading, size)
+    return _headed(canvas, heading)
 
 
 def annotated_board(image: np.ndarray, sightings: BoardDetection | None, heading: str) -> np.ndarray:
@@ -64,7 +64,7 @@ def annotated_board(image: np.ndarray, sightings: BoardDetection | None, heading
             here = sightings.pixels[sightings.corners == corner]
             if len(here):
                 _write(canvas, str(corner), here[0] + 6 * size, shades[corner], 0.45 * size)
-    return _headed(canvas, heading, size)
+    return _headed(canvas, heading)
 
 
 def beside(images: Sequence[np.ndarray]) -> np.ndarray:
@@ -147,7 +147,7 @@ def _write_beside(
     _write(canvas, text, at + half * (-1.0, 1.0), _WHITE, 0.45 * size)
 
 
-def _headed(canvas: np.ndarray, heading: str, size: float) -> np.ndarray:
+def _headed(canvas: np.ndarray, heading: str) -> np.ndarray:
     band = max(int(_BAND * canvas.shape[0]), 18)
     canvas = cv2.copyMakeBorder(canvas, band, 0, 0, 0, cv2.BORDER_CONSTANT)
     _write(canvas, heading, np.array([6.0, 0.72 * band]), _WHITE, 0.5 * band / 18)

@@ -36,7 +36,7 @@ _TIMES = ((7200.0, "h", 3600.0), (300.0, "min", 60.0))
 def followed_figure(run: FollowedRun, read: Vector | None, channel: str = _TENSION_OUT) -> Figure:
     """Draw what was followed in a run, and a channel, [n] as it was `read` in the unit of its name."""
     keys = run.keys
-    unit, per = _unit_of_time(run)
+    unit, _ = _unit_of_time(run)
     with figure((PAGE, _HEIGHT * (len(keys) + 1) + 0.3)) as drawing:
         rows = drawing.subplots(len(keys) + 1, 1)
         for axes, key in zip(rows, keys, strict=False):
@@ -44,7 +44,7 @@ def followed_figure(run: FollowedRun, read: Vector | None, channel: str = _TENSI
             axes.set_xlabel("")
             axes.tick_params(labelbottom=axes is rows[-2])
         rows[-2].set_xlabel(f"time [{unit}]")
-        _name_alerts(rows[0], run, per)
+        _name_alerts(rows[0], run)
         _draw_channel(rows[-1], run, channel, read)
         drawing.legend(*_named_once(rows[0], rows[-1]), loc="outside lower center", ncols=4)
         drawing.align_ylabels(rows.tolist())
@@ -117,7 +117,7 @@ def _draw_channel(axes: Axes, run: FollowedRun, channel: str, read: Vector | Non
     return axes
 
 
-def _name_alerts(axes: Axes, run: FollowedRun, per: float) -> None:
+def _name_alerts(axes: Axes, run: FollowedRun) -> None:
     """Write the name of each alert above the axes, in as many lines as it takes that none covers another."""
     span, ends = max(float(run.time[-1] - run.time[0]), 1e-300), list[float]()
     for alert in sorted(run.alerts, key=lambda each: each.since):
