@@ -185,7 +185,8 @@ def _mechanisms(
         read = np.concatenate([run.measured[channel] for run in those])
         least, most = float(np.nanmin(read)), float(np.nanmax(read))
         if most > least:
-            unit = KNOTS.sensor_unit * max(run.noise[channel] for run in those)
+            noise = KNOTS.sensor_unit * max(run.noise[channel] for run in those)
+            unit = max(noise, KNOTS.sensor_share * (most - least))
             x = np.linspace(least, most, usual)
             one = sensor_law(channel, "reading", x, unit, channel)
             yield replace(one, unit=unit_of(channel))

@@ -92,6 +92,9 @@ class KnotSettings:
     """Of how far torques go: unit of a load [1]; chosen."""
     sensor_unit: float = 5.0
     """Of the noise: unit of the error of a sensor [1]; chosen."""
+    sensor_share: float = 0.01
+    """Of what was read: the same of a sensor of a machine, where it is more [1]; chosen: a wheel that is off
+    its centre by a hundredth of its radius."""
     lag_s: float = 0.05
     """Unit of a lag, and of the time in which friction follows the speed [s]; chosen."""
 
