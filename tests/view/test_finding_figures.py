@@ -7,9 +7,10 @@ import pytest
 from matplotlib.figure import Figure
 
 from tests.worked_finding import worked_finding
-from tssgeom.identify.finding import Finding
+from tssgeom.identify.finding import Finding, LawCurve
 from tssgeom.view.figures.finding import (
     judged,
+    law_figure,
     missing_figure,
     ranking_figure,
     residual_figure,
@@ -150,3 +151,16 @@ def test_the_shape_of_what_is_missing_has_its_unit():
     axes = missing_figure(worked_finding("unknown")).axes[0]
     assert axes.get_xlabel() == "tension [N]"
     assert "62 %" in axes.get_title(loc="left")
+
+
+@pytest.mark.parametrize(
+    ("name", "label"),
+    [("sensor_curve", "reading less truth [°]"), ("load_over_position", "torque against the joint [mN·m]")],
+)
+def test_what_a_law_over_the_joint_angle_adds_is_said_by_its_axis(name, label):
+    x = np.linspace(-0.5, 0.5, 5)
+    unit = "rad" if name == "sensor_curve" else "N·m"
+    law = LawCurve("joint_angle_rad", x, 0.01 * x**2, 0.009 * x**2, 0.011 * x**2, unit)
+    known = worked_finding()
+    axes = law_figure(replace(known, effects=(replace(known.effects[0], names=(name,), law=law),))).axes[0]
+    assert axes.get_ylabel() == label

@@ -311,7 +311,7 @@ def _ordinate(each: Candidate, law: LawCurve) -> tuple[str, str, float]:
     unit, factor = _SCALES.get(law.unit, (law.unit, 1.0))
     if name == "strain_over_time":
         return "creep over elastic strain", "1", 1.0
-    if law.over == "joint_angle_rad":
+    if name == "load_over_position" and law.over == "joint_angle_rad":
         return "torque against the joint", unit, factor
     what = "reading less truth" if name.startswith("sensor") else "path beside the linear one"
     return what, unit, factor
