@@ -259,14 +259,18 @@ def channels_of(drive: Drive, end: End) -> tuple[str, ...]:
     return (*tendons, *motor, *current, *OF_END.get(end.kind, ()))
 
 
+def is_machine(drive: Drive, end: End) -> bool:
+    """Whether there is more than one tendon, or an end other than a spring."""
+    return drive.kind != "tendon" or end.kind != "spring"
+
+
 def require_effects(drive: Drive, end: End, effects: Iterable[AnyEffect]) -> None:
     """Refuse laws of what a rig does not have, with a SettingsError."""
     for each in effects:
         if isinstance(each, LoadLaw) and end.kind != "joint":
             raise SettingsError('effects: load_law acts on a joint, with end.kind = "joint"')
         if isinstance(each, SensorLaw):
-            one_tendon = drive.kind == "tendon" and end.kind == "spring"
-            known = get_args(Channel) if one_tendon else channels_of(drive, end)
+            known = channels_of(drive, end) if is_machine(drive, end) else get_args(Channel)
             if each.channel not in known:
                 names = ", ".join(known)
                 raise SettingsError(f"effects.sensor_law: no channel {printable(each.channel)!r}: {names}")

@@ -14,7 +14,7 @@ import tomli_w
 from tssgeom.atomic import write_text
 from tssgeom.effects import AnyEffect, wrong_effect
 from tssgeom.errors import SettingsError, printable, require, require_at_least_zero, require_file
-from tssgeom.mechanism import Drive, End, GivenRoute, require_effects
+from tssgeom.mechanism import Drive, End, GivenRoute, is_machine, require_effects
 from tssgeom.toml_keys import with_choices, with_short_keys, without_none
 from tssgeom.uncertain import CERTAIN, Follow, RigErrors, Uncertain, keys_of, parted, path_of, require_known
 
@@ -226,7 +226,7 @@ class Rig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
     @property
     def is_machine(self) -> bool:
         """Whether it has more than one tendon, or an end other than a spring."""
-        return self.drive.kind != "tendon" or self.end.kind != "spring"
+        return is_machine(self.drive, self.end)
 
 
 def read_rig(path: str | Path) -> Rig:

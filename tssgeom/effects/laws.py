@@ -149,9 +149,14 @@ class SensorLaw(Effect, frozen=True):
     def __post_init__(self) -> None:
         check_points("sensor_law", self.x, self.error, "error")
 
+    @property
+    def curve(self) -> Curve:
+        """Reading less truth, by the name that `with_curve` takes."""
+        return Curve(f"{self.channel} over {self.over}", self.x, self.error)
+
     def on(self, setup: Setup) -> Setup:
         """Return the setup with this law in it."""
-        return with_curve(setup, Curve(f"{self.channel} over {self.over}", self.x, self.error))
+        return with_curve(setup, self.curve)
 
 
 class LoadLaw(Effect, frozen=True):

@@ -186,10 +186,9 @@ def _mechanisms(
         least, most = float(np.nanmin(read)), float(np.nanmax(read))
         if most > least:
             noise = KNOTS.sensor_unit * max(run.noise[channel] for run in those)
-            unit = max(noise, KNOTS.sensor_share * (most - least))
+            scale = max(noise, KNOTS.sensor_share * (most - least))
             x = np.linspace(least, most, usual)
-            one = sensor_law(channel, "reading", x, unit, channel)
-            yield replace(one, unit=unit_of(channel))
+            yield sensor_law(channel, "reading", x, scale, unit_of(channel))
     low, high = min(float(way.min()) for way in every), max(float(way.max()) for way in every)
     if high > low:
         yield friction_law("position", np.linspace(low, high, usual), "m")

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 
 import numpy as np
 
@@ -81,13 +82,18 @@ def _read(
     return read
 
 
+def halved(most: int, least: int) -> Iterator[int]:
+    """Yield most bars, half of them, and so on, to no fewer than twice the least; docs/model.md (300)."""
+    while most >= 2 * least:
+        yield most
+        most //= 2
+
+
 def finely_predicted(
     run: MachineRun, rig: Rig, values: Mapping[tuple[str, str], float], most: int, least: int
 ) -> dict[str, Vector]:
     """Return what `predicted` does with most bars, or half of them until there is an equilibrium."""
-    while most >= 2 * least:
-        try:
-            return predicted(run, rig, values, most)
-        except FitError:
-            most //= 2
+    for bars in halved(most, least):
+        with suppress(FitError):
+            return predicted(run, rig, values, bars)
     return predicted(run, rig, values, least)

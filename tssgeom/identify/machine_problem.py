@@ -22,7 +22,7 @@ from tssgeom.errors import FitError, SettingsError
 from tssgeom.identify.fit_quality import weights_of
 from tssgeom.identify.machine_laws import FreeLaw
 from tssgeom.identify.machine_parameters import Parameter, route_numbers
-from tssgeom.identify.machine_prediction import Machines, predicted_beside
+from tssgeom.identify.machine_prediction import Machines, halved, predicted_beside
 from tssgeom.identify.machine_run import MachineRun
 from tssgeom.least_squares import SOLVER
 from tssgeom.rig import Rig, with_values
@@ -120,9 +120,8 @@ class Problem:
 
     def corrected(self, u: Vector, channels: Sequence[Mapping[str, Vector]]) -> Problem:
         """Return the problem with what as many bars as have an equilibrium would add at these numbers."""
-        bars, fine = self.fine, None
-        while fine is None and bars >= 2 * self.bars:
-            fine, bars = replace(self, bars=bars).model(u), bars // 2
+        every = (replace(self, bars=bars).model(u) for bars in halved(self.fine, self.bars))
+        fine = next((one for one in every if one is not None), None)
         if fine is None:
             return self
         pairs = zip(fine, channels, strict=True)

@@ -268,27 +268,28 @@ def _sensors(stack: Stack, rig: Rig, knots: KnotSettings) -> Iterator[Mechanism]
     for channel in dict.fromkeys((*(name for run in runs for name in run.measured), drive)):
         columns = [run.measured.get(channel, run.given.get(channel)) for run in runs]
         read = np.concatenate([column[np.isfinite(column)] for column in columns if column is not None])
-        unit = KNOTS.sensor_unit * max(run.noise.get(channel, 0.0) for run in runs)
+        scale = KNOTS.sensor_unit * max(run.noise.get(channel, 0.0) for run in runs)
         if channel in CELLS and np.ptp(read) > 0.0:
             x = np.linspace(float(read.min()), float(read.max()), knots.usual)
-            yield sensor_law(channel, "reading", x, unit, f"{channel}")
-        yield sensor_law(channel, "time", np.linspace(0.0, span, knots.usual), unit, "time_s")
+            yield sensor_law(channel, "reading", x, scale, UNITS[channel])
+        yield sensor_law(channel, "time", np.linspace(0.0, span, knots.usual), scale, UNITS[channel])
     yield _lag(drive)
 
 
-def sensor_law(channel: str, over: str, x: Vector, unit: float, label: str) -> Mechanism:
+def sensor_law(channel: str, over: str, x: Vector, scale: float, unit: str) -> Mechanism:
     """Return what a channel reads beside the truth, over it or over time; docs/model.md (188)."""
     knots = tuple(x.tolist())
 
     def value(u: Vector) -> Vector:
-        return unit * u
+        return scale * u
 
     def effect(u: Vector) -> AnyEffect:
         return SensorLaw(channel=channel, over=over, x=knots, error=tuple(value(u).tolist()))  # type: ignore[arg-type]
 
     name = f"{'sensor_curve' if over == 'reading' else 'sensor_drift'}:{channel}"
     even = (x - x[0]) / (x[-1] - x[0])
-    return Mechanism(name, x, even, effect, value, UNITS.get(channel, ""), label, is_straight=True)
+    label = channel if over == "reading" else "time_s"
+    return Mechanism(name, x, even, effect, value, unit, label, is_straight=True)
 
 
 def _lag(channel: str) -> Mechanism:

@@ -13,7 +13,6 @@ import numpy as np
 from tssgeom import core
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.effects import SensorLaw
-from tssgeom.effects.kinds import Curve
 from tssgeom.effects.laws import curve_at
 from tssgeom.rig import Rig, Sensor
 from tssgeom.tendon.machine import MachineState
@@ -105,7 +104,6 @@ def read_by_sensors(
         zero = sensor.zero + drift(sensor, time - before.begun_at)
         read[name] = sensor.gain * read[name] + zero
     for each in bent:  # docs/model.md (188)
-        curve = Curve("", each.x, each.error)
         at = values[each.channel] if each.over == "reading" else time - before.begun_at
-        read[each.channel] = read[each.channel] + curve_at(curve, at)
+        read[each.channel] = read[each.channel] + curve_at(each.curve, at)
     return read, history._replace(lags=lags)
