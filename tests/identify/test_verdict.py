@@ -63,6 +63,16 @@ def test_without_a_part_it_is_unknown_what_the_sensors_do_not_explain():
     assert why_unknown([], (0.9, 3.0), (0.9, 3.0)) == ""
 
 
+def test_what_the_held_out_runs_alone_show_is_not_said_to_be_outside_the_library():
+    noise, much = {"a": 1.0}, {"a": 9.0}
+    judged = Judgement("unknown", "9 times the noise is left", bent=False)
+    base = worked_finding().base
+    text = sentence(judged, (), base, (), Misfit(noise, {}, {"fitted": noise, "held_out": much}, {}))
+    assert text == "What is missing shows on the held-out runs alone, by 8.9 times the noise."
+    text = sentence(judged, (), base, (), Misfit(noise, {}, {"fitted": much, "held_out": much}, {}))
+    assert text.startswith("No effect of the library explains it")
+
+
 def test_without_held_out_runs_the_sentence_has_nothing_on_them():
     assert "held-out" not in words("effect", math.nan, math.nan)
 

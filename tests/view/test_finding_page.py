@@ -79,6 +79,8 @@ def test_the_next_step_follows_from_what_was_identified() -> None:
     assert unknown.where[0].run in steps["unknown"][1]
     explained = max(one.explains for one in unknown.missing_shapes)
     assert f"{100 * explained:.0f} % of the misfit" in steps["unknown"][0]
+    misfit = replace(unknown.misfit, after={**unknown.misfit.after, "fitted": unknown.misfit.noise})
+    assert "Fit chain too (held_out = false)" in next_steps(replace(unknown, misfit=misfit))[0]
     refit = Experiment("measure a route with another sensor", 0.0, ("rig.friction.coefficient", "angle gain"))
     asked = replace(worked_finding(), breaks_tie=(refit,))
     assert next_steps(asked) == steps["effect"]  # what a refit stands for is stated beside the refit

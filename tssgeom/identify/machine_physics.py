@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import msgspec
@@ -89,15 +89,24 @@ def _creates(model: FittedModel) -> Iterator[str]:
         for pull_in, way_in, pull_out, way_out in zip(*names, strict=True):
             if min(float(out[pull_in].min()), float(out[pull_out].min())) < -1e-9:
                 yield f"{pull_in} goes below zero"
-            if len(edges) < 4:
-                continue
-            last = edges[1 + 2 * ((len(edges) - 3) // 2)]
-            cycles = slice(edges[1], last + 1)
+            cycles = closed_cycles([out[name] for name in (pull_in, way_in, pull_out, way_out)], edges[1:-1])
             taken = _work(out[pull_in][cycles], out[way_in][cycles])
             left = _work(out[pull_out][cycles], out[way_out][cycles])
             turned = float(np.sum(np.abs(_steps(out[pull_in][cycles], out[way_in][cycles]))))
             if taken - left < -PLAUSIBLE.slight * turned:  # a cycle hardly ever closes better
                 yield "the sheath would give more work over its cycles than it takes"
+
+
+def closed_cycles(channels: Sequence[Vector], turned: np.ndarray) -> slice:
+    """Return the most samples between two turns of one kind where all channels agree, as energy then does."""
+    at = np.array([each[turned] for each in channels])
+    near = PLAUSIBLE.slight * np.array([np.ptp(each) for each in channels])
+    closed = np.all(np.abs(at[:, :, None] - at[:, None]) <= near[:, None, None], axis=0)
+    pairs = [(i, j) for i in range(len(turned)) for j in range(i + 2, len(turned), 2) if closed[i, j]]
+    if not pairs:
+        return slice(0)
+    first, last = max(pairs, key=lambda pair: turned[pair[1]] - turned[pair[0]])
+    return slice(turned[first], turned[last] + 1)
 
 
 _WORK = ("tension_in_N", "displacement_in_m", "tension_out_N", "displacement_out_m")

@@ -214,6 +214,14 @@ def beyond_noise(rms: Mapping[str, float], noise: Mapping[str, float]) -> float:
     return math.sqrt(sum(squares) / len(squares)) if squares else math.nan
 
 
+def shows_held_out_alone(misfit: Misfit) -> bool:
+    """Whether the fitted runs leave no more than the noise where those held out leave clearly more."""
+    fitted, held = (
+        beyond_noise(misfit.after.get(group, {}), misfit.noise) for group in ("fitted", "held_out")
+    )
+    return fitted <= UNINFORMATIVE and held > CHANCE.clear
+
+
 def held_out_change(misfit: Misfit) -> tuple[float, float]:
     """Return the misfit of the runs that were held out, before and after [1]; NaN where there are none."""
     before, after = misfit.before.get("held_out", {}), misfit.after.get("held_out", {})

@@ -17,7 +17,13 @@ from tssgeom.effects import KINDS
 from tssgeom.identify.finding import Candidate, Estimate, Misfit, Verdict
 from tssgeom.identify.fit import Fit, Problem
 from tssgeom.identify.law_fit import LawFit
-from tssgeom.identify.misfit import UNINFORMATIVE, HeldOut, HeldOutChange, held_out_change
+from tssgeom.identify.misfit import (
+    UNINFORMATIVE,
+    HeldOut,
+    HeldOutChange,
+    held_out_change,
+    shows_held_out_alone,
+)
 from tssgeom.identify.screening import leftover
 from tssgeom.identify.selection import Selection, close_candidates, name_of
 
@@ -155,6 +161,9 @@ def sentence(
     if judged.verdict == "none":
         return _nothing_missing(base, misfit)
     if judged.verdict == "unknown":
+        if shows_held_out_alone(misfit):
+            _, held = held_out_change(misfit)
+            return f"What is missing shows on the held-out runs alone, by {times(held)} the noise."
         return f"No effect of the library explains it: {judged.reason}."
     parts = " and ".join(_effect(one) for one in effects if one.law is None)
     learnt = "; ".join(law_words(one) for one in effects if one.law is not None)

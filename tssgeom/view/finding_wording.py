@@ -20,7 +20,12 @@ from tssgeom.identify.finding import (
     Tie,
 )
 from tssgeom.identify.machine_parts import MEANINGS
-from tssgeom.identify.misfit import UNINFORMATIVE, beyond_noise, held_out_change
+from tssgeom.identify.misfit import (
+    UNINFORMATIVE,
+    beyond_noise,
+    held_out_change,
+    shows_held_out_alone,
+)
 from tssgeom.identify.verdict import parameter, plain, times
 from tssgeom.view.quantities import CHANNELS, Quantity, quantity
 
@@ -239,6 +244,12 @@ _VARIED = {
 def _toward_a_name(finding: Finding) -> list[str]:
     """Write what to vary, and where most of the misfit lies, where the verdict has no name."""
     steps = []
+    if shows_held_out_alone(finding.misfit):
+        names = ", ".join(trace.run for trace in finding.traces if trace.held_out)
+        steps.append(
+            f"Fit {names} too (held_out = false), and hold out another run: what no fitted run shows has "
+            "no name."
+        )
     if finding.missing_shapes:
         best = max(finding.missing_shapes, key=lambda shape: shape.explains)
         steps.append(
