@@ -103,6 +103,16 @@ class Point:
         """Numbers that are fitted."""
         return 2 + len(self.free) + len(self.zeros)
 
+    @property
+    def at_bound(self) -> bool:
+        """Whether a number of an effect is as far as it may go."""
+        for free in self.free:
+            value = getattr(self.effects[free.effect], free.key)
+            own = self.effects[free.effect].parameters[free.key]
+            if value <= own.lower < 0.0 or value >= own.upper or (not own.switch and value <= own.lower):
+                return True
+        return False
+
     def rig(self, nominal: Rig) -> Rig:
         """Return the rig with this friction and compliance."""
         return with_base(nominal, self.friction, self.compliance)

@@ -57,6 +57,11 @@ class Offer:
         return self.gain - self.rise
 
     @property
+    def is_contradicted(self) -> bool:
+        """Whether it is a law that the held-out runs alone speak against."""
+        return bool(self.veto) and not self.name and self.rise > 0.0
+
+    @property
     def separable(self) -> float:
         """What another part has to have more of evidence to be clearly better [1]."""
         return EVIDENCE_SCALE.strong * max(1.0, self.fit.chi2 / len(self.fit.left))
@@ -128,7 +133,11 @@ def searched(
         if explained(now.chi2, problem.stack.size):
             break
     least, added, fallen = _pruned(problem, now, held, start)
-    return LawSearch(problem, start, _finest(problem, least, held, start), added, fallen, tuple(rounds))
+    fine = _finest(problem, least, held, start)
+    if fine is not least:  # a part may have stood for what coarse knots could not follow
+        least, added, fallen = _pruned(problem, fine, held, start)
+    banded = with_bands(problem, least) if least.terms else least
+    return LawSearch(problem, start, banded, added, fallen, tuple(rounds))
 
 
 def law_promises_more(problem: Problem, base: Fit, names: Point) -> bool:
@@ -148,7 +157,7 @@ def law_promises_more(problem: Problem, base: Fit, names: Point) -> bool:
 
 
 def _finest(problem: Problem, fit: LawFit, held: HeldOut | None, base: LawFit) -> LawFit:
-    """Return a fit with bands, and with as many knots as a rig can hold, where that fits as well; (294)."""
+    """Return a fit with as many knots as a rig can hold, where that fits as well; (294)."""
     if not fit.terms:
         return fit
     again = with_finest_knots(problem, fit)
@@ -159,8 +168,8 @@ def _finest(problem: Problem, fit: LawFit, held: HeldOut | None, base: LawFit) -
         and _holds_with_fine_bars(problem, held, again)
         and (held is None or not held.change(base.at, base.at, again.point).worse)
     ):
-        fit = again
-    return with_bands(problem, fit)
+        return again
+    return fit
 
 
 def _pruned(
@@ -171,6 +180,7 @@ def _pruned(
     That is 2 Δ ln Z, and by how much χ² of the held-out runs falls.
     """
     named, added, fallen = len(fit.at.effects), list[float](), list[float]()
+    orders = tuple({2, *(term.order for term in fit.terms)})
     if named + len(fit.terms) < 2:
         rise = 0.0 if held is None else held.rise(base.point, fit.point)
         return fit, (2.0 * (fit.log_evidence - base.log_evidence),), (-rise,)
@@ -179,7 +189,7 @@ def _pruned(
             at, terms = without(fit.at, which), fit.terms
         else:
             at, terms = fit.at, tuple(term for k, term in enumerate(fit.terms) if k != which - named)
-        less = fitted(problem, at, terms)
+        less = fitted(problem, at, terms, orders=orders)
         gain = np.inf if less is None else 2.0 * (fit.log_evidence - less.log_evidence)
         rise = 0.0 if held is None or less is None else held.rise(less.point, fit.point)
         if less is not None and gain - rise < needed(fit):
@@ -223,6 +233,10 @@ def _offers(
     offers.sort(key=lambda one: -one.gain)
     judged = [_judged(problem, base, now, one, held, limits) for one in offers[: LAW_SEARCH.fitted]]
     rest = [replace(one, veto=LESS) for one in offers[LAW_SEARCH.fitted :]]
+    first = max(judged, key=lambda one: one.gain, default=None)
+    if held is not None and first is not None and first.is_contradicted:
+        finer = _finer(problem, base, now, first, held)
+        judged = [finer if one is first else one for one in judged]
     return in_order(judged) + rest
 
 
@@ -292,15 +306,31 @@ def _judged(
         return replace(one, veto=f"it changes no channel by more than {size:.2g} of the detection limit")
     if any(term.at_bound for term in fit.terms):
         return replace(one, veto="its law is at a bound")
-    if at_bound(fit.at):
+    if fit.at.at_bound:
         return replace(one, veto="one of its numbers is at a bound")
     if not _holds_with_fine_bars(problem, held, fit):
         return replace(one, veto="it finds no equilibrium with finer bars")
-    if held is None:
+    return one if held is None else _held_against(base, now, one, held)
+
+
+def _held_against(base: Point, now: LawFit, one: Offer, held: HeldOut) -> Offer:
+    """Return an offer as the runs that were held out judge it."""
+    change = held.change(base, now.point, one.fit.point)
+    one = replace(one, rise=change.rise, veto="")
+    return replace(one, veto=change.worse or _NOT_THERE) if one.evidence < needed(one.fit) else one
+
+
+def _finer(problem: Problem, base: Point, now: LawFit, one: Offer, held: HeldOut) -> Offer:
+    """Return a law that held-out runs contradict with finer knots, where these fit clearly better; (351)."""
+    fit = with_finest_knots(problem, one.fit)
+    if fit is None or any(term.at_bound for term in fit.terms):
         return one
-    change = held.change(base, now.point, fit.point)
-    one = replace(one, rise=change.rise)
-    return replace(one, veto=change.worse or _NOT_THERE) if one.evidence < least else one
+    if 2.0 * (fit.log_evidence - one.fit.log_evidence) < needed(one.fit):
+        return one
+    if not _holds_with_fine_bars(problem, held, fit):
+        return one
+    gain = 2.0 * (fit.log_evidence - now.log_evidence)
+    return _held_against(base, now, replace(one, fit=fit, gain=gain), held)
 
 
 def _holds_with_fine_bars(problem: Problem, held: HeldOut | None, fit: LawFit) -> bool:
@@ -311,13 +341,3 @@ def _holds_with_fine_bars(problem: Problem, held: HeldOut | None, fit: LawFit) -
     except (FitError, SettingsError):
         return False
     return True
-
-
-def at_bound(at: Point) -> bool:
-    """Whether a number of what is named is as far as it may go."""
-    for free in at.free:
-        value = getattr(at.effects[free.effect], free.key)
-        own = at.effects[free.effect].parameters[free.key]
-        if value <= own.lower < 0.0 or value >= own.upper or (not own.switch and value <= own.lower):
-            return True
-    return False

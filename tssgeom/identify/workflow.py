@@ -28,7 +28,7 @@ from tssgeom.identify.finding import Finding
 from tssgeom.identify.fit import Fit, Problem, base_fit, columns, explained, posed
 from tssgeom.identify.law_finding import law_candidates, law_ranking
 from tssgeom.identify.law_fit import LawFit, fitted
-from tssgeom.identify.law_search import as_fit, at_bound, law_promises_more, needed, searched
+from tssgeom.identify.law_search import as_fit, law_promises_more, needed, searched
 from tssgeom.identify.misfit import UNINFORMATIVE, held_out, misfits, traces
 from tssgeom.identify.prediction import Errors, stacked
 from tssgeom.identify.proposal import Asked
@@ -134,7 +134,7 @@ def _wants_laws(work: Work) -> bool:
 def _may_be_wrong(work: Work) -> bool:
     """Whether a law without a formula promises more than the names, or a number of them is at its bound."""
     names = work.chosen.fit.at
-    return at_bound(names) or law_promises_more(work.problem, work.base, names)
+    return names.at_bound or law_promises_more(work.problem, work.base, names)
 
 
 @dataclass(frozen=True, slots=True)
