@@ -17,6 +17,7 @@ from tssgeom.identify.candidate_models import BASE, CandidateModel
 from tssgeom.identify.expected_evidence import Information, Predicted, difference, step_of
 from tssgeom.identify.verdict import plain
 from tssgeom.identify.waveform import Course
+from tssgeom.statistics import EVIDENCE_SCALE
 
 _FACTORS = {"N": (1.0, "N"), "m": (1e3, "mm"), "rad": (1e3, "mrad"), "Nm": (1e3, "mN·m")}
 _SYMBOLS = {
@@ -81,6 +82,9 @@ def outcome(
         What the drives do, and which channels they are.
     """
     channel, (start, stop) = _clearest(contrast, sigma, course)
+    over_noise = (values / sigma[name] for name, values in contrast.difference.items())
+    if sum(float(np.nansum(np.square(each))) for each in over_noise) < EVIDENCE_SCALE.strong:
+        return channel, f"it does not tell {words_of(names[0])} from {words_of(names[1])}"
     factor, unit = _FACTORS[channel.rpartition("_")[2]]
     rows = _inner(course, start, stop)
     other = factor * float(np.mean(contrast.refitted[channel][rows]))

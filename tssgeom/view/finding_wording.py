@@ -180,9 +180,11 @@ def next_steps(finding: Finding) -> list[str]:
     steps += _remainder(finding)
     if not steps and finding.verdict == "tie" and (tied := effect_ties(finding)):
         names = " from ".join(plain(name) for name in tied[0].names[:2])
-        steps.append(f"Measure a run that separates {names}: --propose designs it.")
+        designed = "--propose designs it" if finding.proposal is None else "the proposed runs are for that"
+        steps.append(f"Measure a run that separates {names}: {designed}.")
     if not steps and finding.verdict == "law":
-        more = "" if finding.is_machine else "; --propose designs the next run"
+        asks = not finding.is_machine and finding.proposal is None
+        more = "; --propose designs the next run" if asks else ""
         steps.append(f"Use the new rig within what the law was learnt from{more}.")
     return steps or [
         "Measure nothing more for this finding: the refitted model explains these runs."
