@@ -34,7 +34,7 @@ def _freed(goal: np.ndarray, x: np.ndarray, value: np.ndarray, kind: str, weight
     if kind.startswith("friction_over"):
         return scaled(goal, value)
     if kind == "strain_over_time":
-        return scaled(1.0 + goal, 1.0 + value) - 1.0
+        return scaled(1.0 + goal, value)
     if kind in _FREE_SLOPE and len(x) > 2:
         slope, zero = np.polyfit(x, value - goal, 1, w=weight)
         return goal + slope * x + zero

@@ -20,8 +20,12 @@ from tssgeom.io.formats.campaigns import read_campaign
 @pytest.fixture(scope="module")
 def learnt(tmp_path_factory):
     """Friction with a bump over the path that it slid: its campaign, problem, and the law at few knots."""
-    folder = tmp_path_factory.mktemp("bands") / "runs"
-    truth = make_campaign(folder, 2, "running_in")
+    return learned(tmp_path_factory.mktemp("bands") / "runs", 2, "running_in")
+
+
+def learned(folder, seed, cause):
+    """A campaign's truth, its problem, and the law of its mechanism at few knots."""
+    truth = make_campaign(folder, seed, cause)
     campaign = read_campaign(folder)
     runs = [run for run in readings(campaign)[0] if not run.held_out]
     problem, _, base = base_fit(runs, campaign.rig)
@@ -110,3 +114,16 @@ def test_a_law_of_creep_is_reported_as_strain_over_the_time_since_a_step(learnt)
     )
     np.testing.assert_allclose(one.value(u), expected, rtol=1e-12)
     assert len(one.x) == KNOTS.reported
+
+
+@pytest.mark.parametrize(("cause", "seed"), [("power_creep", 304), ("two_time_creep", 303)])
+def test_the_band_of_creep_holds_the_compliance_that_grows(tmp_path, cause, seed):
+    """Times are not fitted: a band without other times holds little, and creep alone lacks what is fast."""
+    truth, problem, few = learned(tmp_path / "runs", seed, cause)
+    assert truth.law is not None
+    fit = with_bands(problem, with_finest_knots(problem, few))
+    law = curve(fit, 0)
+    assert (law.over, law.unit) == ("time_s", "1/N")
+    true = truth.compliance_per_N * (1.0 + np.interp(law.x, truth.law["x"], truth.law["value"]))
+    assert np.mean((law.low <= true) & (true <= law.high)) >= 0.9
+    assert np.median(law.high - law.low) < 0.05 * truth.compliance_per_N  # it grows by a fifth

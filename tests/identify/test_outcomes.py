@@ -18,7 +18,7 @@ COURSE = Course(TIME, np.interp(TIME, CORNER_TIME, CORNER[:, 0])[:, None], CORNE
     [
         (1e-5, "in the dwell at 1 mm (1 to 2 s) is 0.030 mm with creep and 0.020 mm with backlash"),
         (5e-7, "no leg alone decides, the course over all of them does"),
-        (5e-8, "it does not tell creep from backlash"),
+        (5e-8, "it does not separate creep from backlash"),
     ],
 )
 def test_an_outcome_decides_by_a_leg_or_by_all_or_not_at_all(difference, said):

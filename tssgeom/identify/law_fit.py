@@ -15,10 +15,11 @@ import numpy as np
 
 from tssgeom import core
 from tssgeom.arrays import Matrix, Vector
+from tssgeom.effects import CreepLaw
 from tssgeom.errors import FitError, SettingsError
 from tssgeom.identify.fit import Point, Problem, posed_about, prior_deviation, prior_sd
 from tssgeom.identify.law_smoothness import law_precision, straight_model
-from tssgeom.identify.mechanisms import FINEST, Mechanism, mechanisms
+from tssgeom.identify.mechanisms import FINEST, Mechanism, creep_law, mechanisms
 from tssgeom.least_squares import SOLVER, Solution, derivatives, solve
 from tssgeom.least_squares import Problem as LeastSquares
 
@@ -31,6 +32,8 @@ class LawFitSettings:
     """S.d. of derivatives that are tried, in u; chosen: from a straight line to none at all."""
     level: float = 3.0
     """S.d. of each number of a law by itself, in u; chosen: free but for what is absurd."""
+    other_times: tuple[float, ...] = (5.0**-0.5, 5.0**0.5)
+    """Factors of the times of creep that the band counts too [1]; derived: half of the step between these."""
     whole: int = 4
     """Passes of the last fit. Chosen: twelve, as of other fits, make a campaign with laws a fifth slower."""
     halvings: int = 5
@@ -78,6 +81,8 @@ class LawFit:
     """[rows + k, numbers] Of the named part, then of each law."""
     covariance: Matrix
     """Of the numbers."""
+    others: tuple[LawFit, ...] = ()
+    """With other times of creep, which the band counts too; (352)."""
 
     @property
     def point(self) -> Point:
@@ -296,8 +301,24 @@ def with_finest_knots(problem: Problem, fit: LawFit) -> LawFit | None:
 
 
 def with_bands(problem: Problem, fit: LawFit) -> LawFit:
-    """Return a fit with the covariance over all priors that its laws may have; docs/model.md (294)."""
-    return spread_over_priors(problem, fit, ORDERS)
+    """Return a fit with the covariance over all priors, and times, that its laws may have; (294), (352)."""
+    others = (each for factor in LAW_FIT.other_times if (each := with_other_times(problem, fit, factor)))
+    others = tuple(spread_over_priors(problem, each, ORDERS) for each in others)
+    return replace(spread_over_priors(problem, fit, ORDERS), others=others)
+
+
+def with_other_times(problem: Problem, fit: LawFit, factor: float) -> LawFit | None:
+    """Return a fit whose elements of creep have times by a factor; None without any, or no equilibrium."""
+    laws = [term.mechanism.effect(np.ones(term.mechanism.size)) for term in fit.terms]
+    if not any(isinstance(law, CreepLaw) for law in laws):
+        return None
+    terms = tuple(
+        replace(term, mechanism=creep_law(factor * np.array(law.time_s), term.mechanism.x))
+        if isinstance(law, CreepLaw)
+        else term
+        for term, law in zip(fit.terms, laws, strict=True)
+    )
+    return fitted(problem, fit.at, terms, orders=ORDERS)
 
 
 def with_knots(term: Term, fine: Mechanism) -> Term:

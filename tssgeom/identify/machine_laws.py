@@ -17,6 +17,7 @@ from tssgeom.arrays import Matrix, Vector, read_only
 from tssgeom.core.constants_tendon_rows import TABLE
 from tssgeom.effects import AnyEffect, LoadLaw
 from tssgeom.identify.finding import LawCurve
+from tssgeom.identify.law_finding import finer
 from tssgeom.identify.law_fit import LAW_FIT
 from tssgeom.identify.law_smoothness import law_precision
 from tssgeom.identify.machine_parameters import unit_of
@@ -24,7 +25,6 @@ from tssgeom.identify.machine_run import MachineRun
 from tssgeom.identify.mechanisms import (
     KNOTS,
     Mechanism,
-    finer,
     friction_law,
     sensor_law,
     speed_law,

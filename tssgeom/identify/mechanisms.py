@@ -13,7 +13,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tssgeom import core
 from tssgeom.arrays import Vector
 from tssgeom.core.constants_tendon_rows import TABLE
 from tssgeom.effects import AnyEffect, ChannelLag, CreepLaw, FrictionLaw, SensorLaw, StretchLaw
@@ -246,9 +245,8 @@ def _stretch(of: StretchOf, name: str, x: Vector, unit: float, si: str) -> Mecha
     return Mechanism(*law, pinned=True, rising=rising)
 
 
-def _creeps(stack: Stack, rig: Rig, knots: KnotSettings) -> Iterator[Mechanism]:
-    span = max(float(np.ptp(run.time)) for run in stack.readings)
-    times, since = span * np.array(KNOTS.creep_s), np.linspace(0.0, span, KNOTS.reported)
+def creep_law(times: Vector, since: Vector) -> Mechanism:
+    """Return late strain by elements with some times, reported at times since a step of tension [s]."""
     share = -np.expm1(-since[:, None] / times)
 
     def value(u: Vector) -> Vector:
@@ -257,8 +255,15 @@ def _creeps(stack: Stack, rig: Rig, knots: KnotSettings) -> Iterator[Mechanism]:
     def effect(u: Vector) -> AnyEffect:
         return CreepLaw(time_s=tuple(times.tolist()), ratio=tuple((KNOTS.stretch * u).tolist()))
 
-    even = np.linspace(0.0, 1.0, len(times))
-    yield Mechanism("strain_over_time", since, even, effect, value, "1", "time_s", lower=0.0)
+    return Mechanism(
+        "strain_over_time", since, np.linspace(0.0, 1.0, len(times)), effect, value, "1", "time_s", lower=0.0
+    )
+
+
+def _creeps(stack: Stack, rig: Rig, knots: KnotSettings) -> Iterator[Mechanism]:
+    span = max(float(np.ptp(run.time)) for run in stack.readings)
+    times = span * np.array(KNOTS.creep_s)  # what is faster is elastic to these readings
+    yield creep_law(times, np.linspace(times[0], span, KNOTS.reported))
 
 
 def _sensors(stack: Stack, rig: Rig, knots: KnotSettings) -> Iterator[Mechanism]:
@@ -337,12 +342,3 @@ def _travel(run: Reading) -> float:
     if column is None:
         return 0.01 * len(run.time)
     return float(np.abs(np.diff(column[np.isfinite(column)])).sum())
-
-
-def finer(one: Mechanism, *values: Vector) -> tuple[Vector, list[Vector]]:
-    """Return the knots of a curve made dense, and values there; what has no knots as it is."""
-    if len(one.x) != len(one.warped) or len(one.x) < 2:
-        return one.x, list(values)
-    dense = np.linspace(0.0, 1.0, KNOTS.reported)
-    x = core.tabulated(core.table_of(one.warped, one.x), dense)
-    return x, [core.tabulated(core.table_of(one.x, each), x) for each in values]

@@ -84,7 +84,7 @@ def outcome(
     channel, (start, stop) = _clearest(contrast, sigma, course)
     over_noise = (values / sigma[name] for name, values in contrast.difference.items())
     if sum(float(np.nansum(np.square(each))) for each in over_noise) < EVIDENCE_SCALE.strong:
-        return channel, f"it does not tell {words_of(names[0])} from {words_of(names[1])}"
+        return channel, f"it does not separate {words_of(names[0])} from {words_of(names[1])}"
     factor, unit = _FACTORS[channel.rpartition("_")[2]]
     rows = _inner(course, start, stop)
     other = factor * float(np.mean(contrast.refitted[channel][rows]))

@@ -38,6 +38,15 @@ OVER = {
     "joint_angle_rad": ("angle of the joint", "rad"),
 }
 """What a law may be over, and its unit in SI; a channel stands for itself."""
+
+
+def variable(name: str, over: str) -> tuple[str, str]:
+    """Return what a law is over, by its name, and the unit of that in SI."""
+    if name == "strain_over_time":
+        return "time since a step of tension", "s"
+    return OVER.get(over, ("a reading", over.rpartition("_")[2]))
+
+
 _DEPENDS = {
     "friction_over_tension": "friction depends on the tension",
     "friction_over_speed": "friction depends on the speed of sliding",
@@ -49,7 +58,7 @@ _DEPENDS = {
     "strain_over_tension": "the tendon stretches by another law than a straight line",
     "stretch_at_end": "what lies outside the sheath stretches by another law",
     "load_over_position": "the load is no straight spring",
-    "strain_over_time": "the tendon stretches late",
+    "strain_over_time": "the tendon stretches late, its compliance grows",
     "sensor_curve": "a sensor is no straight line",
     "sensor_drift": "a sensor drifts in time",
     "sensor_lag": "the sensor of the drive is late",
@@ -287,9 +296,9 @@ def law_words(one: Candidate) -> str:
     least, most = int(np.argmin(law.value)), int(np.argmax(law.value))
     unit = "" if law.unit == "1" else f" {law.unit}"
     first, last = sorted((least, most))
-    variable, si = OVER.get(law.over, ("a reading", law.over.rpartition("_")[2]))
+    over, si = variable(name, law.over)
     start, end = f"{law.x[first]:.3g} {si}", f"{law.x[last]:.3g} {si}"
     low, high = f"{law.value[first]:.3g}{unit}", f"{law.value[last]:.3g}{unit}"
     nearest = min(law.nearest, key=lambda each: each[1], default=("", 0.0))[0]
     near = f"; nearest formula {nearest}" if nearest else ""
-    return f"{what}: from {low} at {start} to {high} at {end} ({variable}{near})"
+    return f"{what}: from {low} at {start} to {high} at {end} ({over}{near})"

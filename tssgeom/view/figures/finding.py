@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from tssgeom.arrays import Vector
 from tssgeom.identify.finding import Candidate, Finding, LawCurve, Trace
 from tssgeom.identify.misfit import measured_channels
-from tssgeom.identify.verdict import OVER
+from tssgeom.identify.verdict import OVER, variable
 from tssgeom.view import finding_wording as words
 from tssgeom.view.figures.plots import (
     BAND,
@@ -273,7 +273,7 @@ def law_figure(finding: Finding) -> Figure:
 def _draw(axes: Axes, each: Candidate, finding: Finding) -> None:
     law = each.law
     assert law is not None
-    name, x, unit = _abscissa(law)
+    name, x, unit = _abscissa(each.names[0], law)
     label, y_unit, factor = _ordinate(each, law)
     beside, base, whole = np.zeros(len(x)), "base model", "law"
     if each.names[0] == "load_over_position" and law.unit == "N·m":
@@ -286,20 +286,22 @@ def _draw(axes: Axes, each: Candidate, finding: Finding) -> None:
     known = factor * beside
     if each.names[0].startswith("friction_over"):
         known, base = np.full(len(x), finding.nominal["friction"]), "rig file"
+    if each.names[0] == "strain_over_time":
+        known, base = np.full(len(x), finding.nominal["compliance_per_N"]), "rig file"
     axes.plot(x, known, color=ORANGE, linestyle=(0, (4, 1.5)), linewidth=1.1, label=base)
     axes.margins(x=0.02)
     axes.legend(loc="best")
     titles(axes, words.candidate(each), f"{name} [{unit}]", f"{label} [{y_unit}]")
 
 
-def _abscissa(law: LawCurve) -> tuple[str, Vector, str]:
+def _abscissa(name: str, law: LawCurve) -> tuple[str, Vector, str]:
     if law.over in OVER:
-        name, si = OVER[law.over]
+        what, si = variable(name, law.over)
     else:
         quantity = words.channel(law.over)
         return f"true {quantity.symbol}", quantity.factor * law.x, quantity.unit
     unit, factor = _SCALES.get(si, (si, 1.0))
-    return name, factor * law.x, unit
+    return what, factor * law.x, unit
 
 
 def _ordinate(each: Candidate, law: LawCurve) -> tuple[str, str, float]:
@@ -310,7 +312,7 @@ def _ordinate(each: Candidate, law: LawCurve) -> tuple[str, str, float]:
         return "strain beside the linear one", "1", 1.0
     unit, factor = _SCALES.get(law.unit, (law.unit, 1.0))
     if name == "strain_over_time":
-        return "creep over elastic strain", "1", 1.0
+        return "creep compliance J", "1/N", 1.0
     if name == "load_over_position" and law.over == "joint_angle_rad":
         return "torque against the joint", unit, factor
     what = "reading less truth" if name.startswith("sensor") else "path beside the linear one"
