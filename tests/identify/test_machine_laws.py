@@ -28,6 +28,10 @@ def laws_of(*runs):
     return {law.name: law for law in every}
 
 
+def of_sensors(kind):
+    return {f"sensor_{kind}:{channel}" for channel in ("joint_angle_rad", "motor_torque_Nm")}
+
+
 @pytest.fixture(scope="module")
 def laws():
     return laws_of(columns(2), columns(2, seed=2))
@@ -35,8 +39,7 @@ def laws():
 
 def test_laws_are_over_what_the_runs_reach(laws):
     over = ("tension", "speed", "arc_length", "travel", "time", "position")
-    curves = {"sensor_curve:joint_angle_rad", "sensor_curve:motor_torque_Nm"}
-    beside = {"strain_over_tension", "load_over_position", *curves}
+    beside = {"strain_over_tension", "load_over_position", *of_sensors("curve"), *of_sensors("drift")}
     assert set(laws) == beside | {f"friction_over_{each}" for each in over}
     time, speed = (laws[f"friction_over_{each}"].mechanism.x for each in ("time", "speed"))
     assert time[[0, -1]] == pytest.approx([0.0, 48.0])
@@ -44,7 +47,8 @@ def test_laws_are_over_what_the_runs_reach(laws):
 
 
 def test_one_run_has_no_law_over_time_and_travel(laws):
-    assert set(laws) - set(laws_of(columns(2))) == {"friction_over_time", "friction_over_travel"}
+    of_many = {"friction_over_time", "friction_over_travel", *of_sensors("drift")}
+    assert set(laws) - set(laws_of(columns(2))) == of_many
 
 
 def test_no_law_does_what_the_base_model_has_a_number_for(laws):

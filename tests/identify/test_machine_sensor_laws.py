@@ -32,6 +32,28 @@ def test_a_cell_that_is_bent_gets_its_curve_and_nothing_else_a_name():
     assert after < min(1.6 * NOISE["motor_torque_Nm"], 0.25 * before)
 
 
+def test_a_cell_that_swings_in_time_gets_its_drift_as_a_law():
+    runs = [columns(seed, torque=True) for seed in (17, 18, 19)]
+    most = max(np.abs(read["motor_torque_Nm"]).max() for read in runs)
+    for read in runs:
+        read["motor_torque_Nm"] = read["motor_torque_Nm"] + swing(read["time_s"], most)
+    finding = finding_of(2, *runs)
+    assert finding.verdict == "law"
+    effect, *others = finding.effects
+    assert (effect.names, effect.law.over) == (("sensor_drift",), "time_s")
+    assert all(one.names == ("channel_zero",) for one in others)  # the mean of the swing
+    (law,) = finding.rig.effects
+    assert (law.channel, law.over) == ("motor_torque_Nm", "time")
+    off = effect.law.value - swing(effect.law.x, most)
+    assert np.std(off) < 0.015 * most  # each run has a zero of its own
+    before, after = held(finding, "motor_torque_Nm")
+    assert after < min(1.6 * NOISE["motor_torque_Nm"], 0.25 * before)
+
+
+def swing(time, most):
+    return 0.1 * most * np.sin(2.0 * np.pi * time / 30.0 + 1.0)
+
+
 @pytest.mark.parametrize("over", ["reading", "time"])
 def test_a_channel_reads_beside_the_truth_and_what_is_given_may_not(over):
     time = np.linspace(0.0, 10.0, 101)

@@ -227,7 +227,7 @@ def _zeros(chosen: PartSelection, kept: Sequence[MachineRun]) -> tuple[FittedMod
         gain, size = delta_bic(*both), max(changes(*both).values())
         ratio, rises = held_out_ratio(*both), held_out_rises(*both)
         evidence = Evidence(gain, EVIDENCE_SCALE.very_strong, size, ratio, -sum(rises.values()))
-        if evidence.total <= evidence.threshold or size <= 1.0 or contradicted(rises):
+        if min(gain, evidence.total) <= evidence.threshold or size <= 1.0 or contradicted(rises):
             continue
         if _is_zero_clear(model, channel):
             named.append(NamedZero(channel, evidence))

@@ -171,9 +171,10 @@ def _mechanisms(
     )
     every = list(chain.from_iterable(ways))
     travel = max(float(np.abs(np.diff(way)).sum()) for way in every)
-    if len(runs) > 1 and travel > 0.0:  # of one run nothing repeats what else changes on its way
+    repeats, longest = len(runs) > 1, max(float(np.ptp(each)) for each in times)
+    if repeats and travel > 0.0:  # of one run nothing repeats what else changes on its way
         yield friction_law("travel", np.linspace(0.0, travel, usual), "m")
-        yield friction_law("time", np.linspace(0.0, max(float(np.ptp(each)) for each in times), usual), "s")
+        yield friction_law("time", np.linspace(0.0, longest, usual), "s")
     if rig.end.kind == "joint":
         read = [run.measured.get(ANGLE, own[ANGLE]) for run, own in zip(runs, moved, strict=True)]
         turned = np.concatenate([[0.0], *(each[np.isfinite(each)] for each in read)])
@@ -189,6 +190,10 @@ def _mechanisms(
             scale = max(noise, KNOTS.sensor_share * (most - least))
             x = np.linspace(least, most, usual)
             yield sensor_law(channel, "reading", x, scale, unit_of(channel))
+            if repeats:  # what swings needs as many knots as a rig can hold, (351)
+                since = np.linspace(0.0, longest, TABLE.most)
+                far = max(noise, KNOTS.drift_share * (most - least))
+                yield sensor_law(channel, "time", since, far, unit_of(channel))
     low, high = min(float(way.min()) for way in every), max(float(way.max()) for way in every)
     if high > low:
         yield friction_law("position", np.linspace(low, high, usual), "m")

@@ -20,7 +20,7 @@ from tssgeom.identify.fit import FIT
 from tssgeom.identify.machine_laws import FreeLaw
 from tssgeom.identify.machine_parameters import Parameter, unit_of
 from tssgeom.identify.machine_run import LIMITS, MachineRun
-from tssgeom.identify.mechanisms import MECHANISM_OF
+from tssgeom.identify.mechanisms import CURVE_OF, MECHANISM_OF
 from tssgeom.plausibility.limits import LIMITS as PLAUSIBLE
 from tssgeom.rig import Rig, with_values
 from tssgeom.uncertain import Prior, behind_gear, keys_of
@@ -82,9 +82,10 @@ class Part:
 
     @property
     def mechanism(self) -> str | None:
-        """The mechanism that it is a formula of; a gain is one of the curve of its channel."""
-        of_gain = (f"sensor_curve:{key.split('.')[1]}" for key in self.of_rig if key.endswith(".gain"))
-        return next(of_gain, MECHANISM_OF.get(self.name))
+        """The mechanism that it is a formula of; gain and drift are of the curves of their channel."""
+        ends = (key.split(".")[-2:] for key in self.of_rig)
+        curves = (f"{CURVE_OF[end]}:{channel}" for channel, end in ends if end in CURVE_OF)
+        return next(curves, MECHANISM_OF.get(self.name))
 
     @property
     def laws(self) -> tuple[FreeLaw, ...]:

@@ -22,6 +22,7 @@ from tssgeom.identify.readings import UNITS, Reading
 from tssgeom.plausibility.limits import LIMITS as PLAUSIBLE
 from tssgeom.rig import Rig
 
+CURVE_OF = {"gain": "sensor_curve", "drift_per_s": "sensor_drift"}  # of a sensor
 MECHANISM_OF = {
     "load_dependent_friction": "friction_over_tension",
     "velocity_dependent_friction": "friction_over_speed",
@@ -94,6 +95,8 @@ class KnotSettings:
     sensor_share: float = 0.01
     """Of what was read: the same of a sensor of a machine, where it is more [1]; chosen: a wheel that is off
     its centre by a hundredth of its radius."""
+    drift_share: float = 0.1
+    """The same over time, where it is more [1]; chosen: three swings in a run are within what is tried."""
     lag_s: float = 0.05
     """Unit of a lag, and of the time in which friction follows the speed [s]; chosen."""
 
