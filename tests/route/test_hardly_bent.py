@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from tssgeom import analyse
 from tssgeom.engine import process
-from tssgeom.rig import Rig
+from tssgeom.rig import Rig, ShapeSensor
 from tssgeom.route.geometry import measure
 from tssgeom.route.observations import clean
 from tssgeom.route.tracking import follow
@@ -126,3 +127,15 @@ def test_a_straight_line_has_an_error_as_a_spline_too():
         line = np.column_stack([np.linspace(0.0, 0.4, 200), np.zeros((200, 2))])
         arcs = measure(clean(line + 5e-4 * rng.standard_normal((200, 3))), method="spline").arcs
         assert 0.0 < arcs.total_angle_se < 0.1
+
+
+@pytest.mark.parametrize("source", ["em", "fbg", "smoothed"])
+def test_a_straight_route_by_a_source_has_an_error_bar_of_its_size(source):
+    """Its angle may be none, of which errors that neighbours share are no share."""
+    rig = Rig(shape=ShapeSensor(source=source))
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        points = np.column_stack([np.linspace(0.0, 0.3, 11), np.zeros((11, 2))])
+        profile = analyse(points + 1e-3 * rng.standard_normal((11, 3)), rig=rig).profile
+        assert profile.total_angle_se < 1.5
+        assert profile.total_angle < 1.96 * profile.total_angle_se

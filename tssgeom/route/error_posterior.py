@@ -154,10 +154,12 @@ def error_posterior(route: Route, size: float, resolution: float) -> ErrorPoster
     finer, coarser = (
         _angle(sampled, axes, at * x).mean() for x in (1.0 / RESOLUTION.octave, RESOLUTION.octave)
     )
-    middle = 0.5 * (float(angle.mean()) + of_mean)
+    middle, own = 0.5 * (float(angle.mean()) + of_mean), float(_angle(nodes, axes, at))
+    hidden = max(middle - own, 0.0)  # more than half of the angle is no share of what was sensed
+    share, hidden = (1.0, hidden) if hidden >= 0.5 * middle else (middle / own, 0.0)
     return ErrorPosterior(
-        angle_share=middle / max(float(_angle(nodes, axes, at)), 1e-12),
-        angle=math.hypot(float(angle.std()), middle - of_mean, float(finer - coarser)),
+        angle_share=share,
+        angle=math.hypot(float(angle.std()), middle - of_mean, float(finer - coarser), hidden),
         length=math.hypot(float(np.sqrt(np.mean(longer**2))), length * _excess(nodes, axes, at)),
     )
 
