@@ -49,7 +49,7 @@ from benchmarks.run_laws import (
 from benchmarks.run_machines import Discovered, discovered
 from benchmarks.run_machines import predictions as ours
 from tssgeom.arrays import Matrix, Vector
-from tssgeom.io.results.tables import plain_name
+from tssgeom.channel_names import unit_of, words_of
 from tssgeom.statistics import NORMAL_95
 
 _UNITS = {"rad": ("°", 180.0 / math.pi), "m": ("mm", 1e3), "N": ("N", 1.0)}
@@ -99,7 +99,7 @@ def rms(case: Case, column: str, prediction: Prediction, rows: Mask) -> float:
 
 
 def _unit_of(column: str) -> tuple[str, float]:
-    return _UNITS[column.rpartition("_")[2]]
+    return _UNITS[unit_of(column)]
 
 
 def _errors(cases: Sequence[Case], fits: Fits, *, markdown: bool) -> str:
@@ -111,7 +111,7 @@ def _errors(cases: Sequence[Case], fits: Fits, *, markdown: bool) -> str:
             unit, scale = _unit_of(column)
             own = fits[case.name, column]
             signal = float(np.std(case.columns[column][case.held_out]))
-            row = [case.name, f"{plain_name(column)} [{unit}]", number(scale * signal)]
+            row = [case.name, f"{words_of(column)} [{unit}]", number(scale * signal)]
             row.append(number(scale * mean_cycle_error(case, column)))
             for name in methods:
                 known = name in own
@@ -129,7 +129,7 @@ def _discoveries(cases: Sequence[Case], fits: Fits, made: Mapping[str, Discovere
         for response in case.responses:
             column = response.column
             unit, scale = _unit_of(column)
-            row = [case.name, f"{plain_name(column)} [{unit}]"]
+            row = [case.name, f"{words_of(column)} [{unit}]"]
             peers = {
                 name: rms(case, column, fits[case.name, column][name], case.held_out)
                 for name in LAWS
@@ -159,7 +159,7 @@ def _parameters(cases: Sequence[Case], fits: Fits, *, markdown: bool) -> str:
                 _, scale = _unit_of(response.column)
                 fitted = number(scale * rms(case, response.column, one, case.fitted))
                 texts = ", ".join(_written(each, response) for each in one.parameters if each.value != 0.0)
-                rows.append([case.name, plain_name(response.column), name, fitted, texts])
+                rows.append([case.name, words_of(response.column), name, fitted, texts])
     header = ["parameters ± half of 95 %", "response", "method", "rms fitted", ""]
     return table(header, rows, text_columns=5, markdown=markdown)
 

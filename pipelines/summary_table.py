@@ -9,6 +9,7 @@ from typing import Any
 
 from pipelines.inputs import MOST_REPORTED, RunSettings
 from pipelines.terminal import print_table
+from tssgeom.channel_names import marked
 from tssgeom.effects import named
 from tssgeom.errors import listed
 
@@ -132,16 +133,14 @@ def _clearance(row: dict[str, Any]) -> str:
 def _with_error(row: dict[str, Any], key: str, factor: float, digits: int) -> str:
     from tssgeom.view.wording import decimals, plus_minus
 
-    quantity, _, unit = key.rpartition("_")
-    error = row[f"{quantity}_se_max_{unit}"]
-    low, high = (plus_minus(factor * row[f"{quantity}_se_{end}_{unit}"], digits) for end in ("min", "max"))
+    error = row[marked(key, "se_max")]
+    low, high = (plus_minus(factor * row[marked(key, f"se_{end}")], digits) for end in ("min", "max"))
     errors = high if low == high else f"{low}–{high.removeprefix('± ')}"
     return f"{_range(row, key, factor, decimals(factor * error, digits), error)} {errors}"
 
 
 def _range(row: dict[str, Any], key: str, factor: float, digits: int, error: float = 0.0) -> str:
-    quantity, _, unit = key.rpartition("_")
-    ends = row[f"{quantity}_min_{unit}"], row[f"{quantity}_max_{unit}"]
+    ends = row[marked(key, "min")], row[marked(key, "max")]
     if ends[1] - ends[0] < error:
         ends = (sum(ends) / 2,) * 2
     low, high = (f"{end * factor:z.{digits}f}" for end in ends)

@@ -14,8 +14,9 @@ from typer.main import get_command
 from pipelines.cli import app
 from tests.vocabulary import pages
 from tssgeom.adapt.followed import followed_numbers
+from tssgeom.channel_names import numbered
 from tssgeom.io.formats.columns import CHANNELS, MACHINE_CHANNELS
-from tssgeom.mechanism import Drive, End, GivenRoute, numbered, tendon_count
+from tssgeom.mechanism import Drive, End, GivenRoute, tendon_count
 from tssgeom.rig import Rig, read_uncertain_rig
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.machine import machine_of

@@ -1,6 +1,7 @@
 """Machines frame by frame: the same as a whole run, over a restart, past bad frames, and to a target."""
 
 import json
+from typing import get_args, get_type_hints
 
 import numpy as np
 import pytest
@@ -10,10 +11,11 @@ from tests.tendon.test_machine import rig
 from tssgeom import Engine, Frame, FrameResult, Rejected
 from tssgeom.effects import Creep
 from tssgeom.errors import SettingsError
+from tssgeom.io.formats.columns import MACHINE_CHANNELS
 from tssgeom.io.formats.jsonl import frame_of
 from tssgeom.io.formats.states import read_state, write_state
 from tssgeom.io.results.answers import answer
-from tssgeom.mechanism import Drive, End, GivenRoute, channels_of
+from tssgeom.mechanism import Drive, End, GivenRoute, all_channels, answering, channels_of
 from tssgeom.rig import Friction, Rig, Sensor, Tendon
 from tssgeom.sensed_route import fit_frame
 from tssgeom.tendon.machine import machine_of, routed
@@ -302,3 +304,14 @@ def test_a_joint_has_channels_of_its_angle_and_a_segment_of_its_bending():
     assert not {*joint} & {"bending_x_rad", "tip_x_m"}
     assert {"bending_x_rad", "tip_x_m"} <= {*segment}
     assert not {*segment} & {"joint_angle_rad", "joint_torque_Nm"}
+
+
+@pytest.mark.parametrize("kind", get_args(get_type_hints(End)["kind"]))
+def test_a_file_can_hold_what_a_machine_computes_and_answers_in(kind):
+    end = End(kind=kind, radius_m=0.01, tendon_angles_deg=(0.0, 180.0))
+    many = kind == "segment"
+    drive = Drive(kind="tendons" if many else "tendon", radius_m=0.0 if many else 0.01)
+    computed, answers = {*channels_of(drive, end)}, {*answering(drive, end)}
+    assert computed <= {*all_channels(2 if many else 1)}
+    assert {*all_channels(2)} <= MACHINE_CHANNELS.keys()
+    assert answers <= computed | {"elongation_m"}

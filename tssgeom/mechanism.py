@@ -14,6 +14,7 @@ import numpy as np
 
 from tssgeom import core
 from tssgeom.arrays import Matrix, Vector
+from tssgeom.channel_names import numbered
 from tssgeom.core.constants_tendon_rows import TABLE
 from tssgeom.effects import AnyEffect, Channel, LoadLaw, SensorLaw
 from tssgeom.errors import SettingsError, printable, require
@@ -247,16 +248,40 @@ OF_END = {
     "joint": ("joint_angle_rad", "joint_torque_Nm"),
     "segment": ("bending_x_rad", "bending_y_rad", "tip_x_m", "tip_y_m", "tip_z_m"),
 }
-"""Channels of a machine, the last by the kind of its end; `numbered` names those of several tendons."""
+"""Channels of a machine, the last by the kind of its end; `numbered` names those of several tendons.
+
+A new channel is named here; what a machine computes, what it may answer in, and what a file may hold follow.
+"""
 
 
 def channels_of(drive: Drive, end: End) -> tuple[str, ...]:
     """Return the channels that a machine may compute, in the order of tables."""
-    count = tendon_count(drive, end)
-    motor = OF_MOTOR if drive.radius_m > 0.0 else ()
     current = (OF_CURRENT,) if drive.torque_constant_Nm_per_A > 0.0 else ()
-    tendons = (channel for name in OF_TENDON for channel in numbered(name, count))
-    return (*tendons, *motor, *current, *OF_END.get(end.kind, ()))
+    tendons = _of_tendons(OF_TENDON, tendon_count(drive, end))
+    return (*tendons, *_of_motor(drive), *current, *OF_END.get(end.kind, ()))
+
+
+def answering(drive: Drive, end: End) -> tuple[str, ...]:
+    """Return the channels that a machine may answer in, those of its end first."""
+    count = tendon_count(drive, end)
+    *ends, load = OF_TENDON
+    of_end = OF_END.get(end.kind, (load,) if end.kind in ("spring", "weight") else ())
+    alone = ("elongation_m",) if count == 1 else ()
+    return (*of_end, *_of_motor(drive), *_of_tendons(ends, count), *alone)
+
+
+def all_channels(most_tendons: int) -> tuple[str, ...]:
+    """Return the channels of every machine with at most so many tendons."""
+    of_ends = (name for names in OF_END.values() for name in names)
+    return (*OF_MOTOR, OF_CURRENT, *of_ends, *_of_tendons(OF_TENDON, most_tendons))
+
+
+def _of_motor(drive: Drive) -> tuple[str, ...]:
+    return OF_MOTOR if drive.radius_m > 0.0 else ()
+
+
+def _of_tendons(names: Iterable[str], count: int) -> Iterator[str]:
+    return (channel for name in names for channel in numbered(name, count))
 
 
 def is_machine(drive: Drive, end: End) -> bool:
@@ -274,13 +299,3 @@ def require_effects(drive: Drive, end: End, effects: Iterable[AnyEffect]) -> Non
             if each.channel not in known:
                 names = ", ".join(known)
                 raise SettingsError(f"effects.sensor_law: no channel {printable(each.channel)!r}: {names}")
-
-
-def numbered(name: str, count: int) -> Iterator[str]:
-    """Yield the channel of each tendon: `tension_in_N` of one, `tension_in_1_N` … of several."""
-    if count == 1:
-        yield name
-        return
-    stem, _, unit = name.rpartition("_")
-    for k in range(count):
-        yield f"{stem}_{k + 1}_{unit}"

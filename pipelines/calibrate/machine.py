@@ -18,6 +18,7 @@ from pipelines.calibrate.report import (
     write_report,
 )
 from pipelines.terminal import print_json, print_message, print_table, step_progress
+from tssgeom.channel_names import unit_of
 
 if TYPE_CHECKING:
     from pipelines.inputs import RunSettings
@@ -93,7 +94,7 @@ def _object(
         "bends": [estimate_object(each) for each in fitted.bends],
         "tied": list(fitted.tied),
         "held_out": {
-            name: {"rms": away, "fitted_rms": inside, "unit": name.rpartition("_")[2]}
+            name: {"rms": away, "fitted_rms": inside, "unit": unit_of(name)}
             for name, (away, inside) in fitted.held_out.items()
         },
         "channels": [channel_object(each) for each in fitted.channels],

@@ -19,6 +19,7 @@ from tssgeom.adapt.machine_readings import channels_read
 from tssgeom.adapt.readings import CHANNELS, Moment
 from tssgeom.adapt.rig_filter import RigFilter
 from tssgeom.adapt.saved import SavedFilter, captured
+from tssgeom.channel_names import quantity_of, unit_of
 from tssgeom.mechanism import tendon_count
 from tssgeom.plausibility.limits import LIMITS
 from tssgeom.rig import Rig, Sensor
@@ -109,7 +110,7 @@ class OfTendon(_Followed):
     def given(self, readings: Any) -> frozenset[str]:
         """Return the channels that were measured."""
         values = readings._asdict()
-        return frozenset(name for name in self.noisy if values[name.rpartition("_")[0]] is not None)
+        return frozenset(name for name in self.noisy if values[quantity_of(name)] is not None)
 
     def drive(self, readings: Any) -> float:
         """Return where the drive was [m] or [N]."""
@@ -179,14 +180,14 @@ def remarks(kind: OfTendon | OfMachine, readings: Any) -> tuple[str, ...]:
     """Name each channel that was measured and whose noise is assumed."""
     assumed = sorted(kind.with_noise()[1] & kind.given(readings))
     return tuple(
-        f"sensors.{name}.noise is not stated: {assumed_noise(name):g} {name.rpartition('_')[2]} is assumed"
+        f"sensors.{name}.noise is not stated: {assumed_noise(name):g} {unit_of(name)} is assumed"
         for name in assumed
     )
 
 
 def assumed_noise(channel: str) -> float:
     """Return the noise that is assumed of a channel, in its unit."""
-    return getattr(_ASSUMED, channel.rpartition("_")[2])
+    return getattr(_ASSUMED, unit_of(channel))
 
 
 def with_noise(rig: Rig, channels: Iterable[str]) -> tuple[Rig, frozenset[str]]:

@@ -17,6 +17,7 @@ from tssgeom.adapt.machine_readings import MachineReadings, channels_read
 from tssgeom.adapt.readings import CHANNELS, FollowedRig, Readings
 from tssgeom.adapt.smoothing import NumberHistory, SmoothedNumbers
 from tssgeom.arrays import Matrix, Vector
+from tssgeom.channel_names import unit_of
 from tssgeom.errors import FitError, SettingsError
 from tssgeom.mechanism import tendon_count
 from tssgeom.result import Result
@@ -264,7 +265,7 @@ def _with_noise(rig: Rig, run: RunColumns | MachineColumns) -> tuple[Rig, tuple[
         if noise <= _EXACT * sensors[name].noise:
             noise, how = sensors[name].noise, "assumed"
         sensors[name] = msgspec.structs.replace(sensors[name], noise=noise)
-        notes.append(f"sensors.{name}.noise is not stated: {noise:.2g} {name.rpartition('_')[2]}, {how}")
+        notes.append(f"sensors.{name}.noise is not stated: {noise:.2g} {unit_of(name)}, {how}")
     return msgspec.structs.replace(rig, sensors=sensors), tuple(notes)
 
 

@@ -10,12 +10,13 @@ from typing import Any
 import numpy as np
 
 from tssgeom.arrays import Matrix, Vector
+from tssgeom.channel_names import numbered, unit_of
 from tssgeom.errors import SettingsError, TssgeomError
 from tssgeom.identify.machine_calibration import calibrate_machine
 from tssgeom.identify.machine_estimates import MachineCalibration
 from tssgeom.identify.machine_run import MachineRun, machine_run
 from tssgeom.io.formats.runs import MeasuredRun
-from tssgeom.mechanism import numbered, tendon_count
+from tssgeom.mechanism import tendon_count
 from tssgeom.result import Result
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
@@ -165,7 +166,7 @@ def _followed(run: MeasuredRun, rig: Rig) -> Following:
 
 
 def _values(wanted: Vector, follows: Following) -> str:
-    unit = follows.outputs[0].rpartition("_")[2]
+    unit = unit_of(follows.outputs[0])
     return ", ".join(f"{each:.4g}" for each in wanted) + f" {unit}"
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from tssgeom.api.machine_calls import MachineChannels
 from tssgeom.api.presentation import Drawings, Numbers, Presentation
+from tssgeom.channel_names import words_of
 from tssgeom.identify.calibration import Calibration
 from tssgeom.identify.calibration import Estimate as Calibrated
 from tssgeom.identify.finding import Estimate, Finding
@@ -151,7 +152,7 @@ def _channels_table(run: MachineChannels) -> pa.Table:
     from tssgeom.io.results.geometry import table_of
 
     names = run.channels.items()
-    return table_of((name, name.rpartition("_")[0].replace("_", " "), each) for name, each in names)
+    return table_of((name, words_of(name), each) for name, each in names)
 
 
 def _of_channels(run: MachineChannels) -> Drawings:

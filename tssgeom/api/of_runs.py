@@ -13,6 +13,7 @@ from tssgeom.adapt.offline import FollowedRun
 from tssgeom.api.presentation import Drawings, Numbers, Presentation
 from tssgeom.api.runs import Compensation, RecordingResult, Simulation
 from tssgeom.arrays import Vector
+from tssgeom.channel_names import quantity_of, words_of
 from tssgeom.io.formats.runs import MeasuredRun
 from tssgeom.tendon.command import Command
 from tssgeom.view.quantities import ANGLE, ELONGATION, TENSION_OUT
@@ -42,7 +43,7 @@ def _rows(count: int, time: Vector) -> Numbers:
 def _columns(simulation: Simulation) -> dict[str, Vector]:
     names = (*_TENSIONS, *_SIMULATED)
     columns = {
-        name: np.array([getattr(each.transmission, name.rpartition("_")[0]) for each in simulation])
+        name: np.array([getattr(each.transmission, quantity_of(name)) for each in simulation])
         for name in names
     }
     return {"time_s": np.array([each.time for each in simulation]), **columns}
@@ -202,9 +203,7 @@ def _run(run: MeasuredRun) -> Numbers:
 def _run_table(run: MeasuredRun) -> pa.Table:
     from tssgeom.io.results.geometry import table_of
 
-    return table_of(
-        (name, name.rpartition("_")[0].replace("_", " "), each) for name, each in run.columns.items()
-    )
+    return table_of((name, words_of(name), each) for name, each in run.columns.items())
 
 
 def _of_run(run: MeasuredRun) -> Drawings:

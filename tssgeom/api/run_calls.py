@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, overload
 
+from tssgeom.channel_names import quantity_of
 from tssgeom.errors import SettingsError
 
 if TYPE_CHECKING:
@@ -135,7 +136,7 @@ def simulate(  # pyright: ignore[reportInconsistentOverload]
         return simulated_machine(run, machine_on(moving.arcs[:1], rig))
     warnings = warnings_of_run(run, rig, moving, fitted=False)
     name, drive = run.channel(_DRIVES)
-    columns = {name.rpartition("_")[0]: drive, "temperature": temperature_of(run, rig)}
+    columns = {quantity_of(name): drive, "temperature": temperature_of(run, rig)}
     rows = simulation.simulate(run.time, moving, rig, **columns, state=state)
     return Simulation(tuple(rows), run, _angles(moving, run.time), warnings)
 
@@ -266,6 +267,6 @@ def compensate(  # pyright: ignore[reportInconsistentOverload]
     commander = commander_of(known, uncertain, tolerance=tolerance, policy=policy)
     warnings = warnings_of_run(run, known, moving, fitted=False)
     name, target = run.channel(_TARGETS)
-    given: dict[str, Any] = {name.rpartition("_")[0]: target, "temperature": temperature_of(run, known)}
+    given: dict[str, Any] = {quantity_of(name): target, "temperature": temperature_of(run, known)}
     rows = commands(run.time, moving, known, commander=commander, **given)
     return Compensation(tuple(rows), run.time, target, name == _TARGETS[1], warnings)

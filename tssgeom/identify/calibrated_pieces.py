@@ -15,8 +15,8 @@ from tssgeom.arrays import Vector
 from tssgeom.errors import SettingsError, TssgeomError
 from tssgeom.identify.machine_calibration import calibrate_machine
 from tssgeom.identify.machine_estimates import MachineCalibration
-from tssgeom.identify.machine_run import answering, machine_run
-from tssgeom.mechanism import tendon_count
+from tssgeom.identify.machine_run import machine_run
+from tssgeom.mechanism import answering
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
 from tssgeom.uncertain import Uncertain
@@ -74,7 +74,7 @@ def calibrate_pieces(
     """
     time = columns["time_s"]
     edges = piece_edges(time, every)
-    answers = answering(rig, tendon_count(rig.drive, rig.end))
+    answers = answering(rig.drive, rig.end)
     for k, (start, end) in enumerate(pairwise(edges.tolist())):
         progress(f"from {start:g} s", k / (len(edges) - 1))
         last = time <= end if k == len(edges) - 2 else time < end

@@ -15,6 +15,7 @@ from msgspec.structs import replace as changed
 from scipy.special import stdtrit
 
 from tssgeom.arrays import Matrix, Vector, read_only
+from tssgeom.channel_names import unit_of
 from tssgeom.core.constants import CHANCE
 from tssgeom.effects import TensionOutOffset
 from tssgeom.errors import FitError, SettingsError
@@ -285,7 +286,7 @@ def _calibration(fit: _Fit, of_route: Matrix, warnings: tuple[str, ...]) -> Cali
     channels = tuple(
         ChannelFit(
             NAMES[block.channel],
-            block.channel.rpartition("_")[2],
+            unit_of(block.channel),
             root_mean_square(fit.left[block.rows]),
             int(count),
             float(worth),

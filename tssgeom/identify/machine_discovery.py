@@ -14,6 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from tssgeom.arrays import Vector
+from tssgeom.channel_names import unit_of
 from tssgeom.errors import SettingsError
 from tssgeom.identify.finding import Evidence, Finding
 from tssgeom.identify.machine_design import proposed_of_machine
@@ -219,7 +220,7 @@ def _is_zero_clear(model: FittedModel, channel: str) -> bool:
 def _zeros(chosen: PartSelection, kept: Sequence[MachineRun]) -> tuple[FittedModel, tuple[NamedZero, ...]]:
     """Return the base without the zeros that are named, and those: of forces and torques that answer."""
     model, named = chosen.model, list[NamedZero]()
-    channels = [name for name in model.fitted if name.rpartition("_")[2] in ("N", "Nm")]
+    channels = [name for name in model.fitted if unit_of(name) in ("N", "Nm")]
     for channel in channels:
         both = without_zeros(model, [channel], kept)
         if both is None:

@@ -11,6 +11,7 @@ import numpy as np
 from scipy.special import stdtrit
 
 from tssgeom.arrays import Vector
+from tssgeom.channel_names import unit_of
 from tssgeom.core.constants import CHANCE
 from tssgeom.identify.finding import LawCurve
 from tssgeom.identify.fit_quality import ChannelFit, failures, is_identified, misfits, whiteness
@@ -233,7 +234,7 @@ def _channel_fits(problem: Problem, state: FitState) -> Iterator[ChannelFit]:
         of = f"{name} of {problem.runs[k].name}" if len(problem.runs) > 1 else name
         yield ChannelFit(
             of,
-            name.rpartition("_")[2],
+            unit_of(name),
             root_mean_square(left),
             len(at),
             len(at) / float(inflation),

@@ -14,6 +14,7 @@ import numpy as np
 
 from tssgeom import core
 from tssgeom.arrays import Matrix, Vector, read_only
+from tssgeom.channel_names import numbered
 from tssgeom.core.constants_tendon_rows import TABLE
 from tssgeom.effects import AnyEffect, LoadLaw
 from tssgeom.identify.finding import LawCurve
@@ -30,7 +31,7 @@ from tssgeom.identify.mechanisms import (
     speed_law,
     strain_law,
 )
-from tssgeom.mechanism import OF_END, numbered
+from tssgeom.mechanism import OF_END
 from tssgeom.plausibility.limits import LIMITS as PLAUSIBLE
 from tssgeom.rig import Rig
 from tssgeom.statistics import NORMAL_95

@@ -10,12 +10,12 @@ import msgspec
 import numpy as np
 
 from tssgeom.arrays import Vector
+from tssgeom.channel_names import numbered
 from tssgeom.core.constants import CHANCE
 from tssgeom.errors import FitError, SettingsError
 from tssgeom.identify.machine_evidence import FittedModel
 from tssgeom.identify.machine_problem import FIT
 from tssgeom.identify.machine_run import turns_of
-from tssgeom.mechanism import numbered
 from tssgeom.plausibility.limits import LIMITS as PLAUSIBLE
 from tssgeom.tendon.machine import Start, machine_of, routed
 from tssgeom.tendon.machine_simulation import drive_channels, simulate_machine

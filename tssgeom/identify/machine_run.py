@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from tssgeom.arrays import Vector
+from tssgeom.channel_names import numbered
 from tssgeom.errors import SettingsError
 from tssgeom.identify.machine_drive_noise import (
     NoisyInputs,
@@ -18,7 +19,7 @@ from tssgeom.identify.machine_drive_noise import (
 )
 from tssgeom.identify.readings import READING, with_added
 from tssgeom.identify.turning import Legs, legs, turns_between_readings, with_turns
-from tssgeom.mechanism import OF_END, OF_MOTOR, OF_TENDON, numbered, tendon_count
+from tssgeom.mechanism import answering, tendon_count
 from tssgeom.plausibility.digits import clock_remarks
 from tssgeom.plausibility.kinds import Remark
 from tssgeom.plausibility.limits import LIMITS as PLAUSIBLE
@@ -134,7 +135,8 @@ def machine_run(
         )
     most = most or LIMITS.most_samples
     pulled = drive_channels(drive, count) if drive == "tension_in" else ()
-    measured = [columns[each][rows] for each in answering(rig, count) if each in columns.keys() - given_names]
+    channels = answering(rig.drive, rig.end)
+    measured = [columns[each][rows] for each in channels if each in columns.keys() - given_names]
     steps = {each for each in drive_channels(drive, count) if is_followed(columns[each][rows], measured)}
     moved = {} if steps else _position_beside_force(columns, rows, drive, count)
     read = (*pulled, *moved, *steps)
@@ -158,13 +160,13 @@ def machine_run(
     )
     answers = {
         each: columns[each][rows]
-        for each in answering(rig, count)
+        for each in channels
         if each in columns
         and each not in given_names
         and np.isfinite(columns[each][rows]).sum() >= EVIDENCE_SCALE.fewest
     }
     if not answers:
-        known = ", ".join(each for each in answering(rig, count) if each not in given_names)
+        known = ", ".join(each for each in channels if each not in given_names)
         raise SettingsError(f"{name}: nothing answers to {given_names[1]}: give one of {known}")
     held_out = _held_out(given[given_names[1]])
     notes = tuple(
@@ -245,15 +247,6 @@ def straight_between_readings(run: MachineRun) -> MachineRun:
 def turns_apart(run: MachineRun, straight: MachineRun) -> bool:
     """Whether turns of a run and of the same run that goes straight between readings can be distinguished."""
     return run.legs is not None and straight.legs is not None and run.legs.differs_from(straight.legs)
-
-
-def answering(rig: Rig, count: int) -> tuple[str, ...]:
-    """Return the channels that a machine with so many tendons may answer in."""
-    *ends, load = OF_TENDON
-    of_end = OF_END.get(rig.end.kind, (load,) if rig.end.kind in ("spring", "weight") else ())
-    motor = OF_MOTOR if rig.drive.radius_m > 0.0 else ()
-    alone = ("elongation_m",) if count == 1 else ()
-    return (*of_end, *motor, *(channel for name in ends for channel in numbered(name, count)), *alone)
 
 
 def thinned(run: MachineRun, most: int) -> MachineRun:

@@ -14,11 +14,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from tssgeom.arrays import Vector
+from tssgeom.channel_names import unit_of
 from tssgeom.core.constants_tendon_rows import TABLE
 from tssgeom.effects import AnyEffect, ChannelLag, CreepLaw, FrictionLaw, SensorLaw, StretchLaw
 from tssgeom.effects.laws import FrictionOver, StretchOf
 from tssgeom.identify.prediction import CELLS, Stack
-from tssgeom.identify.readings import UNITS, Reading
+from tssgeom.identify.readings import Reading
 from tssgeom.plausibility.limits import LIMITS as PLAUSIBLE
 from tssgeom.rig import Rig
 
@@ -279,8 +280,8 @@ def _sensors(stack: Stack, rig: Rig, knots: KnotSettings) -> Iterator[Mechanism]
         scale = KNOTS.sensor_unit * max(run.noise.get(channel, 0.0) for run in runs)
         if channel in CELLS and np.ptp(read) > 0.0:
             x = np.linspace(float(read.min()), float(read.max()), knots.usual)
-            yield sensor_law(channel, "reading", x, scale, UNITS[channel])
-        yield sensor_law(channel, "time", np.linspace(0.0, span, knots.usual), scale, UNITS[channel])
+            yield sensor_law(channel, "reading", x, scale, unit_of(channel))
+        yield sensor_law(channel, "time", np.linspace(0.0, span, knots.usual), scale, unit_of(channel))
     yield _lag(drive)
 
 

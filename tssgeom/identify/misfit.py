@@ -13,6 +13,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from tssgeom.arrays import Matrix, Vector, read_only
+from tssgeom.channel_names import unit_of, words_of
 from tssgeom.core.constants import CHANCE
 from tssgeom.errors import FitError
 from tssgeom.identify.finding import PHASES, Misfit, Trace
@@ -162,8 +163,8 @@ def _is_worse(before: Vector, after: Vector, count: int, chance: float) -> bool:
 
 def _worse(channel: str, rms: Sequence[float]) -> str:
     """Say what contradicts a part: how much worse a channel is predicted, or that its rest is no noise."""
-    name, _, unit = channel.rpartition("_")
-    what = f"{name.replace('_', ' ')} of the held-out runs"
+    unit = unit_of(channel)
+    what = f"{words_of(channel)} of the held-out runs"
     if rms[1] <= rms[0]:
         return f"what it leaves of {what} is no error of that sensor"
     first, second = (f"{1e3 * each:.3g} mm" if unit == "m" else f"{each:.3g} {unit}" for each in rms)

@@ -13,6 +13,7 @@ from itertools import pairwise
 import numpy as np
 
 from tssgeom.arrays import Vector
+from tssgeom.channel_names import unit_of
 from tssgeom.identify.candidate_models import BASE, CandidateModel
 from tssgeom.identify.expected_evidence import Information, Predicted, difference, step_of
 from tssgeom.identify.verdict import plain
@@ -85,7 +86,7 @@ def outcome(
     over_noise = (values / sigma[name] for name, values in contrast.difference.items())
     if sum(float(np.nansum(np.square(each))) for each in over_noise) < EVIDENCE_SCALE.strong:
         return channel, f"it does not separate {words_of(names[0])} from {words_of(names[1])}"
-    factor, unit = _FACTORS[channel.rpartition("_")[2]]
+    factor, unit = _FACTORS[unit_of(channel)]
     rows = _inner(course, start, stop)
     other = factor * float(np.mean(contrast.refitted[channel][rows]))
     true = other + factor * float(np.mean(contrast.difference[channel][rows]))
@@ -126,7 +127,7 @@ def _inner(course: Course, start: int, stop: int) -> np.ndarray:
 
 def _leg(course: Course, start: int, stop: int, drives: Sequence[str]) -> str:
     """Return which leg or dwell it is, with its rate and its time."""
-    factor, unit = _FACTORS[drives[0].rpartition("_")[2]]
+    factor, unit = _FACTORS[unit_of(drives[0])]
     before, after = factor * course.corner[start], factor * course.corner[stop]
     begin, end = course.corner_time[start], course.corner_time[stop]
     when, there = f"({begin:.3g} to {end:.3g} s)", f"{', '.join(f'{each:.3g}' for each in after)} {unit}"

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tssgeom.arrays import Vector, read_only
+from tssgeom.channel_names import unit_of
 from tssgeom.errors import SettingsError
 from tssgeom.identify.campaign import Campaign, Route, Run
 from tssgeom.identify.drive import calmed, turning_points, with_corners
@@ -47,7 +48,6 @@ RESPONSES = (
     "displacement_out_m",
 )
 """Channels that a run may answer in, in the order of reports."""
-UNITS = {name: name.rpartition("_")[2] for name in RESPONSES}
 
 
 @dataclass(frozen=True, slots=True)
@@ -233,7 +233,7 @@ def _notes_on_noise(name: str, rig: Rig, noise: Mapping[str, float]) -> list[str
     out = []
     for channel, used in noise.items():
         stated = rig.sensors.get(channel, Sensor()).reading_noise
-        unit = UNITS.get(channel, "m")
+        unit = unit_of(channel)
         if stated == 0.0:
             out.append(
                 f"{name}: {channel} has no noise stated in the rig; its readings show {used:.2g} {unit}."

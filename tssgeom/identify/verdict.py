@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tssgeom.channel_names import unit_of
 from tssgeom.core.constants import CHANCE
 from tssgeom.effects import KINDS
 from tssgeom.identify.finding import Candidate, Estimate, Misfit, Verdict
@@ -44,7 +45,7 @@ def variable(name: str, over: str) -> tuple[str, str]:
     """Return what a law is over, by its name, and the unit of that in SI."""
     if name == "strain_over_time":
         return "time since a step of tension", "s"
-    return OVER.get(over, ("a reading", over.rpartition("_")[2]))
+    return OVER.get(over, ("a reading", unit_of(over)))
 
 
 _DEPENDS = {

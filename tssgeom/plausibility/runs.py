@@ -8,6 +8,7 @@ from itertools import combinations
 import numpy as np
 
 from tssgeom.arrays import Vector
+from tssgeom.channel_names import unit_of
 from tssgeom.effects import FrictionLaw, LoadLaw, SensorLaw, StretchLaw
 from tssgeom.effects.kinds import ANSWERS
 from tssgeom.plausibility.digits import digit_remarks
@@ -91,7 +92,7 @@ def law_remarks(run: Series) -> Iterator[Remark]:
             continue
         most = reached[over]
         if most > x[-1] + LIMITS.slight * (x[-1] - x[0]):
-            unit = _UNITS.get(over, over.rpartition("_")[2])
+            unit = _UNITS.get(over, unit_of(over))
             ends = f"the law over {over.replace('_', ' ')} ends at {x[-1]:.3g} {unit}"
             yield remark("beyond_law", "run", f"{ends}, the run goes to {most:.3g} {unit}")
 

@@ -13,8 +13,9 @@ import numpy as np
 from msgspec.structs import replace as changed
 
 from tssgeom.arrays import Matrix, Vector
+from tssgeom.channel_names import numbered
 from tssgeom.errors import FitError, SettingsError
-from tssgeom.mechanism import HOLDS, Coordinates, numbered, per_motor_angle
+from tssgeom.mechanism import HOLDS, Coordinates, per_motor_angle
 from tssgeom.rig import Rig
 from tssgeom.tendon.bars.sensors import play
 from tssgeom.tendon.machine import (

@@ -13,8 +13,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tssgeom.arrays import Vector
+from tssgeom.channel_names import numbered
 from tssgeom.errors import SettingsError
-from tssgeom.mechanism import channels_of, numbered, tendon_count
+from tssgeom.mechanism import channels_of, tendon_count
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
 from tssgeom.route.route_fit import NO_ERRORS, SharedErrors

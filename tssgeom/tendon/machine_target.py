@@ -9,9 +9,10 @@ from typing import Literal, NamedTuple, TypeVar
 import numpy as np
 
 from tssgeom.arrays import Matrix, Vector
+from tssgeom.channel_names import marked, numbered
 from tssgeom.core.constants import ROUNDING
 from tssgeom.errors import SettingsError
-from tssgeom.mechanism import Drive, End, coordinates, numbered, per_motor_angle, tendon_count, tip
+from tssgeom.mechanism import Drive, End, coordinates, per_motor_angle, tendon_count, tip
 from tssgeom.rig import Rig
 from tssgeom.tendon.bars.plant import Memory
 from tssgeom.tendon.machine import MachineState
@@ -163,8 +164,7 @@ def _inputs(drive: Drive, end: End) -> tuple[str, ...]:
 
 def name_of(channel: str, role: Role) -> str:
     """Return the name of the target, command, reached value or standard error of a channel."""
-    stem, _, unit = channel.rpartition("_")
-    return _OF_ONE_TENDON.get((channel, role), f"{stem}_{role}_{unit}")
+    return _OF_ONE_TENDON.get((channel, role), marked(channel, role))
 
 
 def without_targets(readings: Mapping[str, _Value], rig: Rig) -> tuple[dict[str, _Value], dict[str, _Value]]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, replace
 
+from tssgeom.channel_names import quantity_of, unit_of, words_of
 from tssgeom.view import colours
 
 TIMELINE = "time"
@@ -94,7 +95,7 @@ def quantity(name: str) -> Quantity:
         of_one = CHANNELS[f"{numbered[1]}_{numbered[3]}"]
         words = f"{of_one.words} of tendon {numbered[2]}"
         return replace(of_one, symbol=f"{of_one.symbol},{numbered[2]}", words=words)
-    stem, _, unit = name.rpartition("_")
-    symbol, words = _OF_MACHINES.get(stem, (stem.replace("_", " "),) * 2)
+    unit = unit_of(name)
+    symbol, words = _OF_MACHINES.get(quantity_of(name), (words_of(name),) * 2)
     pictured, factor = _PICTURED.get(unit, (unit, 1.0))
     return Quantity(symbol, words, pictured, factor, _SOFT)

@@ -10,6 +10,7 @@ from pathlib import Path
 import msgspec
 
 from tssgeom.arrays import Vector
+from tssgeom.channel_names import quantity_of
 from tssgeom.engine import recorded
 from tssgeom.errors import SettingsError, ShapeError, SourceError
 from tssgeom.identify.campaign import Campaign, Route, Run
@@ -27,7 +28,7 @@ from tssgeom.route.pieces import Arcs
 from tssgeom.stream import Frame, FrameResult, Rejected
 from tssgeom.toml_keys import with_short_keys
 
-_SPECIFIED = {name.rpartition("_")[0]: (name, 1.0) for name in IN_SI.values()} | {
+_SPECIFIED = {quantity_of(name): (name, 1.0) for name in IN_SI.values()} | {
     name: (IN_SI[field], per_si) for name, (field, per_si) in CHANNELS.items()
 }
 """Names of `[sensors.NAME]`: the column of a run in SI, and how many of the unit make one in SI."""

@@ -9,9 +9,10 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 
+from tssgeom.channel_names import marked, unit_of
 from tssgeom.errors import ShapeError
 from tssgeom.io.formats.recording import agreed_unit
-from tssgeom.mechanism import OF_CURRENT, OF_END, OF_MOTOR, OF_TENDON, numbered
+from tssgeom.mechanism import all_channels
 from tssgeom.stream import Frame
 
 AXES = ("x", "y", "z")
@@ -34,16 +35,15 @@ MOST_TENDONS = 12
 
 
 def _machine_channels(*, with_targets: bool) -> dict[str, tuple[str, float]]:
-    names = [*OF_MOTOR, OF_CURRENT, *OF_END["joint"], *OF_END["segment"]]
-    names += [channel for name in OF_TENDON for channel in numbered(name, MOST_TENDONS)]
     small = {"rad": ("deg", 180.0 / math.pi), "Nm": ("mNm", 1e3), "A": ("mA", 1e3), "m": ("mm", 1e3)}
     channels = dict[str, tuple[str, float]]()
-    for stem, _, unit in (name.rpartition("_") for name in names):
-        may_be_target = with_targets and stem.startswith(("joint_angle", "bending", "tension_out"))
-        for each in (stem, f"{stem}_target") if may_be_target else (stem,):
-            channels[f"{each}_{unit}"] = (f"{each}_{unit}", 1.0)
-            if unit in small:
-                channels[f"{each}_{small[unit][0]}"] = (f"{each}_{unit}", small[unit][1])
+    for name in all_channels(MOST_TENDONS):
+        may_be_target = with_targets and name.startswith(("joint_angle", "bending", "tension_out"))
+        for each in (name, marked(name, "target")) if may_be_target else (name,):
+            channels[each] = (each, 1.0)
+            if (unit := unit_of(name)) in small:
+                smaller, per_si = small[unit]
+                channels[each.removesuffix(unit) + smaller] = (each, per_si)
     return channels
 
 

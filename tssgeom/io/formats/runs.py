@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tssgeom.arrays import Vector, read_only
+from tssgeom.channel_names import quantity_of
 from tssgeom.errors import SettingsError, SourceError, TssgeomError, first_line, listed
 from tssgeom.io.formats.columns import AXES, BENDS, CHANNELS, MACHINE_CHANNELS, MEASURED, TIME
 from tssgeom.io.formats.laboratory.files import ENDINGS
@@ -31,7 +32,7 @@ from tssgeom.result import Result
 IN_SI = {field: name for name, (field, per_si) in CHANNELS.items() if per_si == 1.0}
 """The column in SI of each field of `MeasuredRun`."""
 _CHANNELS = CHANNELS | MACHINE_CHANNELS
-_QUANTITIES = tuple({name.rpartition("_")[0] for name in _CHANNELS})
+_QUANTITIES = tuple({quantity_of(name) for name in _CHANNELS})
 _OF_MACHINE = sorted({in_si for in_si, _ in MACHINE_CHANNELS.values()})
 _ONCE = ", ".join(name for name in _OF_MACHINE if not any(map(str.isdigit, name)))
 _OF_TENDON = ", ".join(name for name in _OF_MACHINE if "_1_" in name)

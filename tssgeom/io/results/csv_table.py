@@ -9,7 +9,8 @@ import pyarrow as pa
 import pyarrow.parquet as papq
 
 from tssgeom.arrays import Vector
-from tssgeom.io.results.tables import field, plain_name, write_table
+from tssgeom.channel_names import words_of
+from tssgeom.io.results.tables import field, write_table
 
 _ROWS = 1 << 14  # that memory holds at once; chosen: as many as a row group of frames
 
@@ -36,5 +37,5 @@ def write_csv(table: Path, path: Path) -> None:
 
 def write_channels(path: Path, channels: Mapping[str, Vector]) -> None:
     """Write channels against time, a column each [s]; raises SourceError where the disk refuses."""
-    schema = pa.schema([field(name, plain_name(name)) for name in channels])
+    schema = pa.schema([field(name, words_of(name)) for name in channels])
     write_table(path, pa.table(dict(channels), schema=schema))

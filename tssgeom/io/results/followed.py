@@ -11,6 +11,7 @@ import pyarrow as pa
 
 from tssgeom.adapt.offline import FollowedRun
 from tssgeom.arrays import Vector
+from tssgeom.channel_names import marked
 from tssgeom.io.results.tables import field, write_table
 
 _ENDS = {
@@ -22,8 +23,7 @@ _ENDS = {
 
 
 def _with_error(name: str, meaning: str) -> tuple[pa.Field, pa.Field]:
-    quantity, _, unit = name.rpartition("_")
-    return field(name, meaning), field(f"{quantity}_se_{unit}", f"standard error of the {meaning}")
+    return field(name, meaning), field(marked(name, "se"), f"standard error of the {meaning}")
 
 
 FOLLOWED = pa.schema(

@@ -8,6 +8,7 @@ from typing import Any, TypeAlias
 import numpy as np
 import pyarrow as pa
 
+from tssgeom.channel_names import words_of
 from tssgeom.io.formats.columns import AXES, BENDS, DIRECTIONS, MEASURED, POINT, TIME
 from tssgeom.io.results.tables import SEGMENTS, field, part_of
 from tssgeom.route.curvature import CurvatureProfile
@@ -24,7 +25,7 @@ def table_of(columns: Iterable[Column]) -> pa.Table:
     fields, arrays = list[pa.Field](), list[pa.Array]()
     for name, meaning, values in columns:
         array = pa.array(values, from_pandas=True)  # NaN is null
-        unit = "1/m" if name.endswith("_per_m") else "1" if name in DIRECTIONS else None
+        unit = "1" if name in DIRECTIONS else None
         fields.append(field(name, meaning, array.type, unit))
         arrays.append(array)
     return pa.Table.from_arrays(arrays, schema=pa.schema(fields))
@@ -96,9 +97,7 @@ def points_table(frames: Iterable[Frame | Rejected], *, timed: bool) -> pa.Table
             columns.append((name, f"{attribute.replace('_', ' ')} of the frame", np.repeat(values, counts)))
     for name in sorted({name for frame in usable for name in frame.of_machine or ()}):
         values = [(frame.of_machine or {}).get(name, np.nan) for frame in usable]
-        columns.append(
-            (name, f"{name.rpartition('_')[0].replace('_', ' ')} of the frame", np.repeat(values, counts))
-        )
+        columns.append((name, f"{words_of(name)} of the frame", np.repeat(values, counts)))
     return table_of(columns)
 
 

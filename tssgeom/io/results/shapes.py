@@ -12,6 +12,7 @@ from typing import Any
 
 import msgspec
 
+from tssgeom.channel_names import marked
 from tssgeom.errors import printable
 from tssgeom.io.results.keys.shapes import ClearanceOf, Contact, Segment
 from tssgeom.lumen.clearance import Clearance, Region
@@ -156,8 +157,7 @@ def summary_row(analysis: Analysis) -> dict[str, Any]:
         }
     )
     for key in RANGED:
-        quantity, _, unit = key.rpartition("_")
-        row[f"{quantity}_min_{unit}"], row[f"{quantity}_max_{unit}"] = summary.low[key], summary.high[key]
+        row[marked(key, "min")], row[marked(key, "max")] = summary.low[key], summary.high[key]
     return row
 
 

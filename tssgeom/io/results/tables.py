@@ -12,6 +12,7 @@ import pyarrow as pa
 import pyarrow.parquet as papq
 
 from tssgeom.atomic import replacing
+from tssgeom.channel_names import unit_of, words_of
 from tssgeom.io.results.shapes import frame_row
 from tssgeom.route.pieces import Arcs
 from tssgeom.stream import FrameResult, Rejected
@@ -26,7 +27,7 @@ _TEXTS = pa.list_(pa.field("element", _TEXT))
 def field(name: str, meaning: str, kind: pa.DataType = _NUMBER, unit: str | None = None) -> pa.Field:
     """Return a field; the unit of a number is the end of its name, that of a count is 1."""
     if unit is None:
-        unit = {_NUMBER: name.rpartition("_")[2], _COUNT: "1"}.get(kind, "")
+        unit = {_NUMBER: unit_of(name), _COUNT: "1"}.get(kind, "")
     return pa.field(name, kind, metadata={"unit": unit, "meaning": meaning})
 
 
@@ -110,13 +111,8 @@ FRAMES = pa.schema(
 def frames_schema(of_machine: Sequence[str] = ()) -> pa.Schema:
     """Return `FRAMES`, with the columns of a machine before its warnings."""
     names = [each for each in of_machine if each not in FRAMES.names]
-    more = [field(each, f"{plain_name(each)} of the machine") for each in names]
+    more = [field(each, f"{words_of(each)} of the machine") for each in names]
     return pa.schema([*list(FRAMES)[:-1], *more, FRAMES.field("warnings")])
-
-
-def plain_name(channel: str) -> str:
-    """Return the words of a channel, without its unit."""
-    return channel.rpartition("_")[0].replace("_", " ")
 
 
 SEGMENTS = pa.schema(
@@ -126,7 +122,7 @@ SEGMENTS = pa.schema(
         field("piece", "number of the piece, from 0 at the proximal end", _COUNT),
         field("s_start_m", "arc length at which the piece begins"),
         field("length_m", "arc length of the piece"),
-        field("kappa_per_m", "curvature of the piece", unit="1/m"),
+        field("kappa_per_m", "curvature of the piece"),
         field("angle_rad", "accumulated curve angle of the piece"),
         field("angle_se_rad", "standard error of the angle of the piece"),
     ]

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tssgeom.arrays import Vector
+from tssgeom.channel_names import quantity_of
 from tssgeom.errors import ShapeError
 from tssgeom.io.formats.columns import AXES, BENDS, CHANNELS, MEASURED, MOST_TENDONS, TIME
 from tssgeom.io.formats.laboratory.mapping import IGNORE
@@ -127,7 +128,7 @@ def take_channels(table: RawTable, columns: list[Column], result: Resolved, *, p
     if points:  # a position beside coordinates may be anything; what varies along the route is no channel
         columns = [_renamed(each, "") if each.meaning.channel == "displacement" else each for each in columns]
         columns = [column for column in columns if not _varies(table, column, result)]
-    held = {name.rpartition("_")[0] for name in result.values} - {""}
+    held = {quantity_of(name) for name in result.values}
     counts = Counter(column.meaning.channel for column in columns)
     for sort, channel_in, channel_out in (
         ("force", "tension_in", "tension_out"),
@@ -202,7 +203,7 @@ def _likely(table: RawTable, column: Column, columns: Sequence[Column], held: se
     ]
     if len(same) > 2 and (numbered := _numbered(column.name, options)):
         return numbered
-    pair = [option.partition(":")[0].rpartition("_")[0] for option in options]
+    pair = [quantity_of(option.partition(":")[0]) for option in options]
     present = held | {each.meaning.channel for each in columns}
     if len(pair) == 2 and (pair[0] in present) != (pair[1] in present):
         return options[pair[0] in present]
@@ -264,9 +265,7 @@ COMPUTED = {
 def _leave(column: Column, result: Resolved, drives: tuple[str, ...]) -> None:
     """Leave out a column that resembles a channel; one that may be the only drive is unclear."""
     like = [
-        name
-        for name in MEASURED | CHANNELS
-        if QUANTITIES.get(name.rpartition("_")[0]) == column.meaning.quantity
+        name for name in MEASURED | CHANNELS if QUANTITIES.get(quantity_of(name)) == column.meaning.quantity
     ]
     nearest = difflib.get_close_matches(column.name, like, 1, 0.0)[0] if like else TIME
     if column.name in COMPUTED:

@@ -6,6 +6,7 @@ import re
 from functools import lru_cache
 from typing import NamedTuple
 
+from tssgeom import channel_names
 from tssgeom.io.formats.columns import (
     AXES,
     BENDS,
@@ -36,9 +37,8 @@ from tssgeom.io.formats.laboratory.units import TIME as OF_TIME
 RECORDING, FRAME, LABEL = "recording", "frame", "label"
 QUANTITIES = {
     **{
-        name.rpartition("_")[0]: UNITS[name.rpartition("_")[2]].quantity
+        channel_names.quantity_of(name): UNITS[channel_names.unit_of(name)].quantity
         for name in {**CHANNELS, **MEASURED, **MACHINE_CHANNELS}
-        if name.rpartition("_")[2] in UNITS
     },
     "time": OF_TIME,
     **dict.fromkeys((*AXES, "s"), LENGTH),

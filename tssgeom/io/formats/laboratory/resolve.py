@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from tssgeom import channel_names
 from tssgeom.arrays import Vector
 from tssgeom.errors import ShapeError
 from tssgeom.io.formats.columns import AXES, BENDS, POINT
@@ -110,7 +111,7 @@ def _take_exact(path: Path, table: RawTable, k: int, meaning: Meaning | None, re
     if name in result.values:
         raise _twice(path, table, name, "keep one")
     stated = unit_of(table.units[k]) if table.units else None
-    own = unit_of(name.rpartition("_")[2]) if meaning is not None else None
+    own = unit_of(channel_names.unit_of(name)) if meaning is not None else None
     if stated is not None and own is not None and stated.factor != own.factor:
         result.unclear.append(f"{name!r} stands over the unit {table.units[k]!r}: mend one of them")
     if values is None:
