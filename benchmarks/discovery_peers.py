@@ -22,6 +22,7 @@ import numpy as np
 from scipy.optimize import isotonic_regression, least_squares
 
 from benchmarks.discovery_scores import Baseline, gap
+from tests.tendon.steps import pretensioned_bars, step
 from tssgeom.errors import ShapeError
 from tssgeom.io.formats.files import open_recording
 from tssgeom.rig import Friction, Rig, Tendon, read_rig
@@ -29,8 +30,6 @@ from tssgeom.route.geometry import measure
 from tssgeom.route.observations import clean
 from tssgeom.route.pieces import Arcs
 from tssgeom.stream import Rejected
-from tssgeom.tendon.bars.bar_state import pretensioned_bars
-from tssgeom.tendon.bars.base import step
 
 _BARS = 30
 _TURN = 8.0  # times the noise of the drive: what a turn is

@@ -32,12 +32,12 @@ from benchmarks.stages import (
     moving_course,
 )
 from tests.compiled import library_of
+from tests.tendon import steps
 from tssgeom.arrays import Vector
 from tssgeom.rig import Rig, Tendon
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon import capstan as profile
-from tssgeom.tendon.bars import base
-from tssgeom.tendon.bars.bar_state import BarState, pretensioned_bars
+from tssgeom.tendon.bars.bar_state import BarState
 from tssgeom.tendon.capstan import transmit
 
 _COUNTS = (30, 200, 1000)
@@ -253,7 +253,7 @@ def step_table(
         cells = _cells_for(error)
         *_, chain = _bars_through(_LOADED, n)
         *_, volumes = _cells_through(_LOADED, cells)
-        own = _timed([partial(base.step, chain, after, RIG, tension_in=t) for t in _GOALS], repeats, clock)
+        own = _timed([partial(steps.step, chain, after, RIG, tension_in=t) for t in _GOALS], repeats, clock)
         still = _timed([partial(_stepped, volumes, _route(_OPENS), t) for t in _GOALS], repeats, clock)
         other = _timed([partial(_stepped, volumes, after, t) for t in _GOALS], repeats, clock)
         moving.append(own)
@@ -282,9 +282,9 @@ def _corners(drive: Sequence[float]) -> profile.Corners:
 
 def _bars_through(drive: Sequence[float], bars: int) -> Iterator[BarState]:
     route = _route(_OPENS)
-    state = pretensioned_bars(RIG, route, bars)
+    state = steps.pretensioned_bars(RIG, route, bars)
     for tension_in in drive:
-        state = base.step(state, route, RIG, tension_in=tension_in)
+        state = steps.step(state, route, RIG, tension_in=tension_in)
         yield state
 
 

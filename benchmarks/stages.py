@@ -17,6 +17,7 @@ from benchmarks.estimators import RIG
 from tests.attack.live_lines import KINDS
 from tests.known_routes import PIECEWISE, harmonic_course, of_arcs, truth
 from tests.live_process import line
+from tests.tendon import steps
 from tssgeom import core
 from tssgeom.arrays import Points, Vector
 from tssgeom.engine import Engine, process
@@ -33,8 +34,7 @@ from tssgeom.route.spline.spline import Spline, rows_for
 from tssgeom.route.synthetic import Course
 from tssgeom.route.tracking import TrackedFit, follow
 from tssgeom.stream import Frame, FrameResult
-from tssgeom.tendon.bars import base
-from tssgeom.tendon.bars.bar_state import BARS, BarState, pretensioned_bars
+from tssgeom.tendon.bars.bar_state import BARS, BarState
 from tssgeom.tendon.capstan import Corners, pretensioned, step, transmit
 
 NOISE = 5e-4
@@ -145,15 +145,15 @@ def _bent(frame: Frame) -> tuple[BarState, Arcs, float]:
     """Bars after a pull and a release on a route that is not quite the frame's, and where the drive goes."""
     arcs = _pieces(frame)
     before = Arcs.exact(arcs.length, (1.0 + _SWAY) * arcs.angle)
-    state = pretensioned_bars(RIG, before)
+    state = steps.pretensioned_bars(RIG, before)
     for tension_in in (15.0, 9.0):
-        state = base.step(state, before, RIG, tension_in=tension_in)
+        state = steps.step(state, before, RIG, tension_in=tension_in)
     return state, arcs, frame.tension_in or 0.0
 
 
 def _moved(given: tuple[BarState, Arcs, float]) -> BarState:
     state, arcs, tension_in = given
-    return base.step(state, arcs, RIG, tension_in=tension_in)
+    return steps.step(state, arcs, RIG, tension_in=tension_in)
 
 
 def _streamed(*, stations: bool) -> _Calls:
@@ -191,7 +191,7 @@ def _core_alone(sensed: Sequence[Frame]) -> Iterator[Callable[[], object]]:
     last, route, n = first.memory, first.route, len(sensed[0].points)
     variance = (NOISE / last.spacing) ** 2
     arcs = constant_curvature_pieces(first)
-    state = base.step(pretensioned_bars(RIG, arcs), arcs, RIG, tension_in=15.0)
+    state = steps.step(steps.pretensioned_bars(RIG, arcs), arcs, RIG, tension_in=15.0)
 
     def calls(frame: Frame) -> object:
         core.clearly_sound(frame.points)
@@ -224,7 +224,7 @@ def _core_alone(sensed: Sequence[Frame]) -> Iterator[Callable[[], object]]:
             route.station,
             first.joints,
         )
-        return base.step(state, arcs, RIG, tension_in=14.0)
+        return steps.step(state, arcs, RIG, tension_in=14.0)
 
     return cycle([partial(calls, frame) for frame in sensed])
 

@@ -14,11 +14,10 @@ from tests.campaigns import INSIDE, OUTSIDE, PAIRS, PLANS, SEEDS, make_campaign
 from tests.campaigns.instruments import SPECIFIED
 from tests.campaigns.make import _rig, _run
 from tests.campaigns.routes import positions
+from tests.tendon.steps import pretensioned_bars, step
 from tssgeom.io.formats.laboratory.mapping import NO_MAP
 from tssgeom.rig import Friction, Load, Rig, Tendon, read_rig
 from tssgeom.route.pieces import Arcs
-from tssgeom.tendon.bars.bar_state import pretensioned_bars
-from tssgeom.tendon.bars.base import step
 
 
 def contents(folder):

@@ -120,12 +120,6 @@ def test_bars_are_transmitted_as_by_the_twin():
         np.testing.assert_allclose(ends[:6], expected, **EXACT)
 
 
-def test_the_means_of_a_decay_are_those_of_the_twin():
-    for x in (*np.linspace(-30.0, 30.0, 101), 1e-3, -1e-3, 1e-2, 0.00999999):
-        expected = twin.mean_decay(x), twin.mean_decay_moment(x)
-        np.testing.assert_allclose(core.mean_decays(x), expected, rtol=1e-12)
-
-
 # --- one step of a chain of bars ----------------------------------------------------------------------------
 
 

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from tests.effects.rig import ARCS, FORCE, POSITION, RIG, RUNS, TIME, modelled
 from tests.tendon.bars import with_laws
+from tests.tendon.steps import pretensioned_bars, step
 from tssgeom.core.constants_tendon_rows import PLANT
 from tssgeom.effects import (
     KINDS,
@@ -28,8 +29,6 @@ from tssgeom.identify.drive import calmed
 from tssgeom.rig import Load, Rig, Tendon
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon import capstan as profile
-from tssgeom.tendon.bars.bar_state import pretensioned_bars
-from tssgeom.tendon.bars.base import step
 from tssgeom.tendon.bars.contact_grid import edges, with_bends
 from tssgeom.tendon.bars.model import CHANNELS, begin, carry_on, moved, predict, prepare
 from tssgeom.tendon.capstan import transmit

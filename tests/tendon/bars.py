@@ -6,12 +6,12 @@ import numpy as np
 from hypothesis import settings
 from hypothesis import strategies as st
 
+from tests.tendon.steps import pretensioned_bars, step
 from tssgeom.core.constants_tendon_rows import LAW, PLANT
 from tssgeom.effects import Setup
 from tssgeom.rig import Friction, Load, Rig, Tendon
 from tssgeom.route.pieces import Arcs
-from tssgeom.tendon.bars.bar_state import pretensioned_bars
-from tssgeom.tendon.bars.base import one_drive, step, step_on
+from tssgeom.tendon.bars.base import one_drive, step_on
 from tssgeom.tendon.bars.plant import Plant, plant
 
 MU, RHO, PI = 0.145, 3.16e-4, math.pi  # the paper's tendon and sheath, section III-B

@@ -6,11 +6,10 @@ import numpy as np
 
 from tests.lumped import Distal, Drive, Physics, from_pieces, simulate
 from tests.tendon.bars import HALF, LOOP, MU, PI, RHO, blocked
+from tests.tendon.steps import pretensioned_bars, step
 from tssgeom.rig import Friction, Load, Rig, Tendon
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon import capstan as profile
-from tssgeom.tendon.bars.bar_state import pretensioned_bars
-from tssgeom.tendon.bars.base import step
 from tssgeom.tendon.capstan import transmit
 
 SPRING, BLOCKED, WEIGHT = Distal("spring", 1000.0), Distal("blocked"), Distal("weight")

@@ -15,12 +15,11 @@ from tests.tendon.bars import (
     plant_on,
     rig,
 )
+from tests.tendon.steps import pretensioned_bars, step
 from tssgeom.core.constants_tendon_rows import LAW
 from tssgeom.effects.kinds import Curve
 from tssgeom.errors import SettingsError
 from tssgeom.rig import Rig, Tendon
-from tssgeom.tendon.bars.bar_state import pretensioned_bars
-from tssgeom.tendon.bars.base import step
 
 
 def test_a_dead_weight_keeps_its_tension_and_is_lifted_once_friction_is_overcome():

@@ -25,10 +25,10 @@ from tests.tendon.bars import (
     tensions,
     untimed,
 )
+from tests.tendon.steps import pretensioned_bars, step
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon import capstan as profile
-from tssgeom.tendon.bars.bar_state import pretensioned_bars, to_bars, to_corners
-from tssgeom.tendon.bars.base import step
+from tssgeom.tendon.bars.bar_state import to_bars, to_corners
 from tssgeom.tendon.capstan import transmit
 
 # The tension at a bar's mean angle against its mean tension: (μθ)²/24 where it slides, 2e-5 for 60 bars over

@@ -26,11 +26,10 @@ from tests.tendon.bars import (
     rig,
     untimed,
 )
+from tests.tendon.steps import pretensioned_bars, step
 from tssgeom.effects import Setup
 from tssgeom.rig import Tendon
 from tssgeom.route.pieces import Arcs
-from tssgeom.tendon.bars.bar_state import pretensioned_bars
-from tssgeom.tendon.bars.base import step
 from tssgeom.tendon.bars.contact_grid import discretise
 from tssgeom.tendon.bars.model import begin, carry_on, model_of
 

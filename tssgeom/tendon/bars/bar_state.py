@@ -111,12 +111,6 @@ class BarState(NamedTuple):
         return self.memory.block.item(len(self.edge))
 
 
-def pretensioned_bars(rig: Rig, arcs: Arcs, bars: int = BARS) -> BarState:
-    """Return the tendon before its first pull, cut into equal bars: the rig's pretension all along."""
-    edge = equal_edges(bars)
-    return _with_tension(edge, np.full(len(edge) + 1, rig.tendon.pretension_N), 1, arcs, rig)
-
-
 def to_bars(state: Corners, arcs: Arcs, rig: Rig, bars: int = BARS, *, halvings: int = 0) -> BarState:
     """Exchange a corner list for bars without effects: the tension at the mean angle of every bar.
 
@@ -126,7 +120,7 @@ def to_bars(state: Corners, arcs: Arcs, rig: Rig, bars: int = BARS, *, halvings:
     """
     edge = equal_edges(bars, halvings)
     phi = np.concatenate(([0.0], discretise(edge, arcs).mean_angle, [arcs.total_angle]))
-    return _with_tension(edge, tension(state, phi), state.direction_index, arcs, rig)
+    return bars_with_tension(edge, tension(state, phi), state.direction_index, arcs, rig)
 
 
 def on_better_route(state: BarState, before: Arcs, now: Arcs, rig: Rig) -> BarState:
@@ -140,7 +134,7 @@ def on_better_route(state: BarState, before: Arcs, now: Arcs, rig: Rig) -> BarSt
     ]
     beyond = np.maximum(angles[1] - before.total_angle, 0.0)
     held = np.exp(np.interp(angles[1], angles[0], np.log(state.tension)) + slope * beyond)
-    bars = _with_tension(state.edge, held, state.direction_index, now, rig)
+    bars = bars_with_tension(state.edge, held, state.direction_index, now, rig)
     return bars._replace(by_force=state.by_force)
 
 
@@ -154,7 +148,7 @@ def end_slope(state: BarState, arcs: Arcs) -> float:
     return math.log(end / last) / float(angle[bent[-1]]) if min(last, end) > 0.0 else 0.0
 
 
-def _with_tension(edge: Vector, held: Vector, direction_index: int, arcs: Arcs, rig: Rig) -> BarState:
+def bars_with_tension(edge: Vector, held: Vector, direction_index: int, arcs: Arcs, rig: Rig) -> BarState:
     """Return bars with the tension `held` [n+2] [N] and no slack, displaced as their stretch has them."""
     contacts, pretension = len(edge), rig.tendon.pretension_N
     stiffness = rig.load.stiffness_N_per_m

@@ -3,8 +3,6 @@
 The laws are those of the base model, solved in core/tendon_bars.c; docs/model.md (40)-(49).
 """
 
-import math
-
 from tssgeom import core
 from tssgeom.arrays import Vector
 from tssgeom.errors import FitError, SettingsError
@@ -18,42 +16,6 @@ from tssgeom.tendon.capstan import Transmission, check_tension
 _SOLVED = 1e-8  # ln T of bars within which the front has come through: they are solved to 1e-10
 _FARTHEST = 1e6  # beyond it a position is taken for a mistake of units or of a sensor [m]
 _RUNS_AWAY, _STUCK_FAST = 3, 4  # codes of core/tendon.h
-
-
-def step(
-    state: BarState,
-    arcs: Arcs,
-    rig: Rig,
-    *,
-    tension_in: float | None = None,
-    displacement_in: float | None = None,
-    stretches_with_route: bool = True,
-) -> BarState:
-    """Move the drive and the route at once, with the rig's tendon, load and Coulomb friction.
-
-    Parameters
-    ----------
-    state
-        Tension along the tendon before the step.
-    arcs
-        The route after the step.
-    rig
-        Tendon, friction and load.
-    tension_in, displacement_in
-        New total tension [N] or new position [m] of the drive; one of them.
-    stretches_with_route
-        Whether a longer route stretches the tendon; otherwise only more of it lies in view.
-
-    Raises
-    ------
-    SettingsError
-        Where not exactly one drive is given, where it is negative, not finite, or out of balance with a dead
-        weight; where the tendon does not stretch.
-    FitError
-        Where there is no equilibrium.
-    """
-    drive, load = one_drive(tension_in, displacement_in), rig.load.stiffness_N_per_m
-    return step_on(state, (arcs, arcs), rig, load, drive, stretches_with_route, math.inf)[0]
 
 
 def step_on(
