@@ -19,7 +19,6 @@ from benchmarks import machine, options_parser
 from tests import lumped
 from tests.lumped import Sensor
 from tssgeom.errors import TssgeomError
-from tssgeom.identify.calibrated_run import Measured
 from tssgeom.identify.calibration import Calibration, calibrate
 from tssgeom.identify.machine_calibration import calibrate_machine
 from tssgeom.identify.machine_estimates import MachineCalibration
@@ -28,6 +27,7 @@ from tssgeom.mechanism import Drive, End, GivenRoute
 from tssgeom.rig import Rig, ShapeSensor, with_values
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.machine import route_of_rig
+from tssgeom.tendon.simulation import Measured
 from tssgeom.uncertain import UNKNOWNS, Uncertain, assumed
 
 ROUTES = (

@@ -14,10 +14,11 @@ from tssgeom.statistics import NORMAL_95
 
 if TYPE_CHECKING:
     from pipelines.inputs import RunSettings
-    from tssgeom.adapt.offline import FollowedRun, MachineColumns, RunColumns
+    from tssgeom.adapt.offline import FollowedRun, MachineColumns
     from tssgeom.arrays import Vector
     from tssgeom.io.formats.runs import MeasuredRun
     from tssgeom.io.results.keys.runs import FollowedNumber, FollowedObject, NumberAt
+    from tssgeom.tendon.simulation import Measured
 
 RUN, NUMBERS, ALERTS, REPORT, FIGURE = (
     "adapt.parquet",
@@ -124,9 +125,10 @@ def _drive_of(run: MeasuredRun, settings: RunSettings) -> str:
     return drive_channels(drive_of(with_torque(run.columns, rig), count), count)[0]
 
 
-def _columns(run: MeasuredRun, settings: RunSettings) -> RunColumns | MachineColumns:
+def _columns(run: MeasuredRun, settings: RunSettings) -> Measured | MachineColumns:
     from pipelines.runs import temperature_of
-    from tssgeom.adapt.offline import MachineColumns, RunColumns
+    from tssgeom.adapt.offline import MachineColumns
+    from tssgeom.tendon.simulation import Measured
 
     if settings.rig.is_machine:
         channels = {name: values for name, values in run.columns.items() if name != "time_s"}
@@ -140,7 +142,7 @@ def _columns(run: MeasuredRun, settings: RunSettings) -> RunColumns | MachineCol
                 f"{run.path}: warning: displacement_out_m is not used: the rig has no [sensors.elongation_m]"
             )
     temperature = temperature_of(run, settings)
-    return RunColumns(run.time, run.tension_in, run.displacement_in, run.tension_out, elongation, temperature)
+    return Measured(run.time, run.tension_in, run.displacement_in, run.tension_out, elongation, temperature)
 
 
 def _report(

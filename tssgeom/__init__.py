@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from tssgeom.api.runs import Compensation, RecordingResult, Simulation
     from tssgeom.engine import Engine, process
     from tssgeom.errors import FitError, SettingsError, ShapeError, SourceError, TssgeomError
-    from tssgeom.identify.calibrated_run import Measured
     from tssgeom.identify.calibration import Calibration
     from tssgeom.identify.campaign import Campaign, Run
     from tssgeom.identify.finding import Finding
@@ -37,7 +36,7 @@ if TYPE_CHECKING:
     from tssgeom.tendon.command import Command
     from tssgeom.tendon.commander import Commander, commander_of
     from tssgeom.tendon.moving import MovingRoute
-    from tssgeom.tendon.simulation import Moment
+    from tssgeom.tendon.simulation import Measured, Moment
     from tssgeom.tendon.state import TendonState, pretensioned, step, tension, transmit
     from tssgeom.version import __version__ as __version__
 
@@ -119,7 +118,6 @@ _MODULES = {
     "api.runs": "Compensation RecordingResult Simulation",
     "engine": "Engine process",
     "errors": "FitError SettingsError ShapeError SourceError TssgeomError",
-    "identify.calibrated_run": "Measured",
     "identify.calibration": "Calibration",
     "identify.campaign": "Campaign Run",
     "identify.finding": "Finding",
@@ -142,7 +140,7 @@ _MODULES = {
     "tendon.command": "Command",
     "tendon.commander": "Commander commander_of",
     "tendon.moving": "MovingRoute",
-    "tendon.simulation": "Moment",
+    "tendon.simulation": "Measured Moment",
     "tendon.state": "TendonState pretensioned step tension transmit",
     "version": "__version__",
 }

@@ -8,12 +8,13 @@ import numpy as np
 
 from tests.twins import Machine, Scenario
 from tssgeom.adapt.followed import followed_numbers
-from tssgeom.adapt.offline import FollowedRun, RunColumns, RunFollower
+from tssgeom.adapt.offline import FollowedRun, RunFollower
 from tssgeom.adapt.readings import CHANNELS, Moment, Readings
 from tssgeom.adapt.rig_filter import RigFilter
 from tssgeom.rig import Friction, Load, Rig, Sensor, Tendon
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.moving import MovingRoute
+from tssgeom.tendon.simulation import Measured
 from tssgeom.uncertain import Follow
 
 TRUTH = {
@@ -45,11 +46,11 @@ def route_of(scenario: Scenario) -> MovingRoute:
     return MovingRoute(scenario.times[at], arcs)
 
 
-def columns_of(scenario: Scenario, *, every: int = 1, tension_out: bool = False) -> RunColumns:
+def columns_of(scenario: Scenario, *, every: int = 1, tension_out: bool = False) -> Measured:
     """Return what was measured in each `every`-th sample: the drive with T_in, and T_out where wanted."""
     read = {name: values[::every] for name, values in scenario.readings.items()}
     distal = read["tension_out_N"] if tension_out else None
-    return RunColumns(scenario.times[::every], read["tension_in_N"], read["displacement_in_m"], distal)
+    return Measured(scenario.times[::every], read["tension_in_N"], read["displacement_in_m"], distal)
 
 
 def follow(

@@ -1,5 +1,7 @@
 """Recorded runs that are followed and smoothed, against the truth of the independent simulator."""
 
+from dataclasses import replace
+
 import msgspec
 import numpy as np
 import pytest
@@ -8,10 +10,11 @@ from scipy.stats import chi2
 from tests.adapt.cases import BEGIN_S, columns_of, follow, rig_of, route_of, scores
 from tests.twins import drifting_friction, drifting_zeros, machine, sound, wet_sheath
 from tssgeom.adapt.kinds import assumed_noise
-from tssgeom.adapt.offline import RunColumns, RunFollower
+from tssgeom.adapt.offline import RunFollower
 from tssgeom.errors import SettingsError
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.moving import MovingRoute
+from tssgeom.tendon.simulation import Measured
 
 EVERY = 2  # 50 Hz; chosen: half of the time
 WIDER = 1.5  # bars over errors of numbers that might begin to drift; docs/model.md (268)
@@ -100,7 +103,7 @@ def test_noise_that_no_rig_states_is_that_of_the_readings_or_of_exact_ones_assum
     assert not RunFollower(stated, route_of(scenario), columns_of(scenario)).notes
     noise = {name: sensor.noise for name, sensor in read.rig.sensors.items()}
     assert noise == {name: pytest.approx(stated.sensors[name].noise, rel=0.1) for name in noise}
-    columns = columns_of(scenario)._replace(tension_in=scenario.truth["tension_in_N"])
+    columns = replace(columns_of(scenario), tension_in=scenario.truth["tension_in_N"])
     exact = RunFollower(silent, route_of(scenario), columns).rig.sensors
     assert exact["tension_in_N"].noise == assumed_noise("tension_in_N")
 
@@ -109,6 +112,6 @@ def test_a_run_without_readings_beside_its_drive_is_refused():
     scenario = drifting_friction(1, 0.01)
     given = machine(1)
     route = MovingRoute(np.zeros(1), [Arcs.exact(given.lengths_m, given.angles_rad)])
-    alone = RunColumns(scenario.times, tension_in=scenario.readings["tension_in_N"])
+    alone = Measured(scenario.times, tension_in=scenario.readings["tension_in_N"])
     with pytest.raises(SettingsError, match="tension_in_N and no reading beside it"):
         RunFollower(rig_of(given), route, alone)

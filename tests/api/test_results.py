@@ -17,9 +17,10 @@ import pytest
 from matplotlib.figure import Figure
 
 import tssgeom
-from tssgeom.adapt.offline import RunColumns, RunFollower
+from tssgeom.adapt.offline import RunFollower
 from tssgeom.errors import SettingsError, SourceError
 from tssgeom.rig import Sensor, with_values
+from tssgeom.tendon.simulation import Measured
 
 SAMPLES = Path(__file__).parents[2] / "sample_shapes"
 CAMPAIGN = SAMPLES / "campaign_hidden_bend"
@@ -36,7 +37,7 @@ def followed():
     shape = tssgeom.analyse(CAMPAIGN / "route_half_circle.csv")
     route = tssgeom.MovingRoute(np.array([0.0]), [shape.arcs])
     kept = slice(0, 60)
-    columns = RunColumns(run.time[kept], tension_in=run.tension_in[kept], tension_out=run.tension_out[kept])
+    columns = Measured(run.time[kept], tension_in=run.tension_in[kept], tension_out=run.tension_out[kept])
     follower = RunFollower(rig, route, columns)
     assert len(list(follower.rows())) == 60
     return follower.result()

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from tssgeom.errors import SettingsError
-from tssgeom.identify.calibrated_run import Measured
 from tssgeom.identify.calibration import calibrate
 from tssgeom.identify.fit_quality import ChannelFit
 from tssgeom.identify.turning import legs
 from tssgeom.rig import Friction, Rig, ShapeSensor, Tendon
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.history import driven
+from tssgeom.tendon.simulation import Measured
 
 HALF = Arcs.exact(np.array([0.5]), np.array([math.pi]))
 MU, RHO, SLACK, OFFSET = 0.19, 4.1e-4, 1.69e-3, 0.3

@@ -8,11 +8,12 @@ import pytest
 
 pytest.importorskip("tests.lumped")
 from tests import lumped
-from tssgeom.identify.calibrated_run import Measured, calibrated_run
+from tssgeom.identify.calibrated_run import calibrated_run
 from tssgeom.identify.calibration import calibrate
 from tssgeom.identify.exact_drive import position_is_exact
 from tssgeom.rig import Load, Rig, Tendon
 from tssgeom.route.pieces import Arcs
+from tssgeom.tendon.simulation import Measured
 
 HALF = Arcs.exact(np.array([0.5]), np.array([math.pi]))
 MU, RHO, STIFFNESS, PRETENSION = 0.16, 4e-4, 2000.0, 3.0

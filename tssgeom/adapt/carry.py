@@ -16,7 +16,7 @@ from tssgeom.plausibility.limits import LIMITS
 from tssgeom.plausibility.rules import warnings_of
 from tssgeom.tendon.command import Command
 from tssgeom.tendon.command_error import DistalErrors, Step
-from tssgeom.tendon.commander import Commander, Given, Measured, Target
+from tssgeom.tendon.commander import Commander, Given, ReadDrive, Target
 from tssgeom.tendon.state import TendonState
 
 
@@ -68,7 +68,7 @@ def moved(
                 warnings_of(None, strain_remarks(rig, at.arcs.total_length, state.tension_in))
             if not has_target:
                 return state, None, commander
-            by: Measured = "tension" if located is None else "displacement"
+            by: ReadDrive = "tension" if located is None else "displacement"
             return state, *_commanded(follower, commander, before, state, at, target, by)
         except TssgeomError:
             follower.go_back(kept)
@@ -90,7 +90,7 @@ def _commanded(
     state: TendonState,
     at: Step,
     target: Target,
-    measured: Measured,
+    measured: ReadDrive,
 ) -> tuple[Command, Commander]:
     elapsed = at.time - before.time if at.time is not None and at.time >= before.time else 0.0
     assert isinstance(follower.carried, FollowedTendon)

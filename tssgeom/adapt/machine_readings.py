@@ -10,10 +10,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tssgeom.adapt.machine_lines import MachineNumbers
-from tssgeom.adapt.readings import behind_play, lagged
+from tssgeom.adapt.readings import lagged
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.mechanism import channels_of, held_by
 from tssgeom.rig import Rig
+from tssgeom.tendon.bars.sensors import behind_play
 from tssgeom.tendon.machine_channels import true_channels
 
 

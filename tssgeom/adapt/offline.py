@@ -25,27 +25,11 @@ from tssgeom.rig import Rig
 from tssgeom.statistics import reading_noise
 from tssgeom.tendon.machine_simulation import drive_channels, drive_of, with_torque
 from tssgeom.tendon.moving import MovingRoute
+from tssgeom.tendon.simulation import Measured
 
 _SLICE = 3e-3  # of work on an alert [s]; measured: eight frames of each mechanism
 _EXACT = 0.01  # of the noise assumed of a channel [1]; chosen: readings with less are computed, or filtered
 _SMOOTHED = 0.1  # between two steps of the smoothing [s]; chosen: far below any drift
-
-
-class RunColumns(NamedTuple):
-    """Columns of a run, [n] each; NaN where a reading is missing, None where a channel is."""
-
-    time: Vector
-    """[s]."""
-    tension_in: Vector | None = None
-    """[N]."""
-    displacement_in: Vector | None = None
-    """[m]."""
-    tension_out: Vector | None = None
-    """[N]."""
-    elongation: Vector | None = None
-    """[m]."""
-    temperature: Vector | None = None
-    """[°C]."""
 
 
 class MachineColumns(NamedTuple):
@@ -143,7 +127,7 @@ class RunFollower:
     """
 
     def __init__(
-        self, rig: Rig, route: MovingRoute, columns: RunColumns | MachineColumns, *, seed: int = 0
+        self, rig: Rig, route: MovingRoute, columns: Measured | MachineColumns, *, seed: int = 0
     ) -> None:
         self.rig, self.notes = _with_noise(rig, columns)
         self._follower, self._route, self._columns = Follower(self.rig, seed=seed), route, columns
@@ -241,7 +225,7 @@ class RunFollower:
         self._alerts.append(row)
 
 
-def _readings(run: RunColumns | MachineColumns, row: int) -> Readings | MachineReadings:
+def _readings(run: Measured | MachineColumns, row: int) -> Readings | MachineReadings:
     if isinstance(run, MachineColumns):
         values = {name: float(column[row]) for name, column in run.channels.items()}
         return MachineReadings({name: value for name, value in values.items() if not math.isnan(value)})
@@ -254,7 +238,7 @@ def _reading(channel: Vector | None, row: int) -> float | None:
     return None if channel is None or math.isnan(channel[row]) else float(channel[row])
 
 
-def _with_noise(rig: Rig, run: RunColumns | MachineColumns) -> tuple[Rig, tuple[str, ...]]:
+def _with_noise(rig: Rig, run: Measured | MachineColumns) -> tuple[Rig, tuple[str, ...]]:
     """Return the rig with a noise of each channel, and a note on each that it did not state."""
     columns = _checked_machine(rig, run) if isinstance(run, MachineColumns) else _checked(run)
     rig, lacking = with_noise(rig, columns)
@@ -269,7 +253,7 @@ def _with_noise(rig: Rig, run: RunColumns | MachineColumns) -> tuple[Rig, tuple[
     return msgspec.structs.replace(rig, sensors=sensors), tuple(notes)
 
 
-def _checked(run: RunColumns) -> dict[str, Vector]:
+def _checked(run: Measured) -> dict[str, Vector]:
     """Return what drives and what answers, by channel."""
     by_force = run.displacement_in is None
     drive, beside = ("tension_in_N", 1) if by_force else ("displacement_in_m", 0)

@@ -80,12 +80,6 @@ def noise_variance(sensor: Sensor | None) -> float:
     return 0.0 if sensor is None else sensor.noise**2 + sensor.resolution**2 / 12.0
 
 
-def behind_play(position: Vector, width: Vector | float, before: Vector) -> Vector:
-    """Return positions [n] behind a play that stood `before` [n], NaN at the begin; docs/model.md (59)."""
-    before = np.where(np.isnan(before), position, before)
-    return np.minimum(np.maximum(before, position), position + width)
-
-
 def lagged(now: Vector, before: Vector, read: Vector, lag: Vector | float, span: float) -> Vector:
     """Return what sensors [n] with a lag [s] read after a time [s]; docs/model.md (62).
 

@@ -14,7 +14,7 @@ from tssgeom import core
 from tssgeom.adapt.ensemble import Ensemble
 from tssgeom.adapt.followed import FollowedNumber, straight_lines
 from tssgeom.adapt.members import PLAYS, SETTINGS, Rows, Standing
-from tssgeom.adapt.readings import CHANNELS, Moment, Readings, behind_play, lagged, mean_and_sd
+from tssgeom.adapt.readings import CHANNELS, Moment, Readings, lagged, mean_and_sd
 from tssgeom.adapt.stepped import Stepped
 from tssgeom.adapt.trailed_drive import TrailedDrive
 from tssgeom.arrays import Matrix, Vector
@@ -26,7 +26,7 @@ from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.bars.contact_grid import bends_of, edges
 from tssgeom.tendon.bars.model import BARS, begin, model_of, setup_of
 from tssgeom.tendon.bars.plant import Memory
-from tssgeom.tendon.bars.sensors import check_drive
+from tssgeom.tendon.bars.sensors import behind_play, check_drive
 
 LAG, PLAY = "channel_lag.lag_s", "load_play.width_m"
 """Keys of these numbers where they are followed."""

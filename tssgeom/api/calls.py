@@ -19,13 +19,13 @@ if TYPE_CHECKING:
     from tssgeom.api.inputs import RigGiven, RunGiven, ShapesGiven
     from tssgeom.api.runs import RecordingResult
     from tssgeom.arrays import Points, Vector
-    from tssgeom.identify.calibrated_run import Measured
     from tssgeom.identify.calibration import Calibration
     from tssgeom.identify.campaign import Campaign
     from tssgeom.identify.finding import Finding
     from tssgeom.identify.machine_estimates import MachineCalibration
     from tssgeom.identify.proposal import Asked
     from tssgeom.route.pieces import Arcs
+    from tssgeom.tendon.simulation import Measured
 
 
 def analyse(
@@ -242,8 +242,8 @@ def calibrate(
     """
     from tssgeom.api.inputs import measured_of, route_of, run_of, uncertain_rig_of, warnings_of_run
     from tssgeom.identify import calibration
-    from tssgeom.identify.calibrated_run import Measured
     from tssgeom.route.pieces import Arcs
+    from tssgeom.tendon.simulation import Measured
 
     rig, uncertain = uncertain_rig_of(rig, may_be_unknown=True)
     several = isinstance(measured, list | tuple) or isinstance(arcs, list | tuple | None)

@@ -32,7 +32,7 @@ from tssgeom.tendon.moving import MovingRoute
 from tssgeom.uncertain import Uncertain, require_known
 
 if TYPE_CHECKING:
-    from tssgeom.identify.calibrated_run import Measured
+    from tssgeom.tendon.simulation import Measured
 
 _WORDS = (
     (re.compile(r"--unit mm\|m\|cm\|in\|…"), 'unit="mm" or unit="m" (cm, in, …)'),
@@ -290,7 +290,7 @@ def temperature_of(run: MeasuredRun, rig: Rig) -> Vector | None:
 
 def measured_of(run: MeasuredRun) -> Measured:
     """Return the columns of a run as `calibrate` takes them."""
-    from tssgeom.identify.calibrated_run import Measured  # with it comes scipy
+    from tssgeom.tendon.simulation import Measured
 
     elongation = run.elongation
     if elongation is None and run.displacement_in is not None and run.displacement_out is not None:

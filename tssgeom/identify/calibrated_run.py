@@ -25,24 +25,7 @@ from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
 from tssgeom.statistics import EVIDENCE_SCALE
 from tssgeom.tendon.bars.model import BARS, Drive
-
-
-@dataclass(frozen=True, slots=True)
-class Measured:
-    """Columns of one run, in SI; NaN where a reading is missing."""
-
-    time: Vector
-    """[n] [s]."""
-    tension_in: Vector | None = None
-    """[n] Total tension at the proximal end [N]."""
-    displacement_in: Vector | None = None
-    """[n] Of the tendon at the proximal end [m]."""
-    tension_out: Vector | None = None
-    """[n] Total tension at the distal end [N]."""
-    elongation: Vector | None = None
-    """[n] Displacement of the proximal less that of the distal end [m]."""
-    temperature: Vector | None = None
-    """[n] Temperature [°C]."""
+from tssgeom.tendon.simulation import Measured
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,7 +19,7 @@ from tssgeom.channel_names import unit_of
 from tssgeom.core.constants import CHANCE
 from tssgeom.effects import TensionOutOffset
 from tssgeom.errors import FitError, SettingsError
-from tssgeom.identify.calibrated_run import NAMES, CalibratedRun, Measured, calibrated_run
+from tssgeom.identify.calibrated_run import NAMES, CalibratedRun, calibrated_run
 from tssgeom.identify.exact_drive import drive_noise, position_is_exact
 from tssgeom.identify.fit import (
     Fit,
@@ -50,6 +50,7 @@ from tssgeom.result import Result
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
 from tssgeom.statistics import NORMAL_95, reading_noise, root_mean_square
+from tssgeom.tendon.simulation import Measured
 
 _LEAST_ANGLE = 0.05  # of a route on which friction shows [rad]; derived: friction of 0.2 takes 1 % there
 _WANTED = (("tension_out_offset", "N"), ("elongation_offset", "m"))

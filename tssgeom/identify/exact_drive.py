@@ -14,13 +14,14 @@ from scipy.special import stdtrit
 
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.errors import FitError
-from tssgeom.identify.calibrated_run import CalibratedRun, Measured
+from tssgeom.identify.calibrated_run import CalibratedRun
 from tssgeom.identify.fit import Point, Problem
 from tssgeom.identify.machine_drive_noise import INPUT_NOISE, is_noisy
 from tssgeom.identify.readings import in_order
 from tssgeom.identify.turning import Legs, legs
 from tssgeom.plausibility.limits import LIMITS as PLAUSIBLE
 from tssgeom.statistics import NORMAL_95, reading_noise
+from tssgeom.tendon.simulation import Measured
 
 
 @dataclass(frozen=True, slots=True)

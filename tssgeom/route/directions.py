@@ -78,7 +78,7 @@ def _along_route(d: Points, points: Points) -> tuple[Points, tuple[str, ...]]:
     if not against.size:
         return d, ()
     d[against] = np.nan
-    return d, (f"{len(against)} directions run against the route, left out {listed(against)}",)
+    return d, (f"{len(against)} directions run against the route, left out {counted(against)}",)
 
 
 def _cosine_to_chord(d: Points, points: Points) -> Vector:
@@ -92,7 +92,7 @@ def _cosine_to_chord(d: Points, points: Points) -> Vector:
     return cosine
 
 
-def listed(which: np.ndarray) -> str:
+def counted(which: np.ndarray) -> str:
     """Name the first few of some points, by their count in the sensed sequence."""
     return f"(count from 0: {', '.join(str(i) for i in which[:5])}{', ...' if len(which) > 5 else ''})"
 
@@ -119,4 +119,4 @@ def direction_warnings(sensed: Points | None, used: Points | None, index: Vector
     outliers = index[np.isnan(used[:, 0]) & ~np.isnan(sensed[:, 0])].astype(int)
     if not len(outliers):
         return ()
-    return (f"{len(outliers)} directions stand off the route, ignored {listed(outliers)}",)
+    return (f"{len(outliers)} directions stand off the route, ignored {counted(outliers)}",)

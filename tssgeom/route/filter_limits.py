@@ -9,7 +9,7 @@ import numpy as np
 from tssgeom import core
 from tssgeom.arrays import Vector
 from tssgeom.core.constants import CHANCE
-from tssgeom.route.directions import listed
+from tssgeom.route.directions import counted
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,5 +48,5 @@ def alone(leapt: np.ndarray, distance: Vector, missing: Vector) -> np.ndarray:
 def leap_warning(leapt: np.ndarray, coordinates: int) -> str:
     """Say which points or gratings leapt alone."""
     name = "point" if coordinates == 3 else "grating"
-    several = f"{name}s {listed(leapt)} leapt" if len(leapt) > 1 else f"{name} {leapt[0]} leapt"
+    several = f"{name}s {counted(leapt)} leapt" if len(leapt) > 1 else f"{name} {leapt[0]} leapt"
     return f"{several} while the others did not: taken for where the last frames had it"

@@ -13,7 +13,7 @@ from tssgeom.arrays import Points, Vector, read_only
 from tssgeom.core.constants import ROUNDING
 from tssgeom.core.constants_route import ORDERING, POINTS, RAW, SPACING
 from tssgeom.errors import ShapeError
-from tssgeom.route.directions import checked_directions, listed
+from tssgeom.route.directions import checked_directions, counted
 from tssgeom.route.outliers import raw_outliers
 from tssgeom.route.route import arcs_over_chords, station_warnings, step_lengths
 
@@ -325,7 +325,7 @@ def _refuse_unusable(points: Points, *, ordered: bool) -> None:
 def outlier_warnings(shape: Shape, weight: Vector) -> tuple[str, ...]:
     """Name the points that a fit gave no weight."""
     outliers = shape.index[weight <= 0.0].astype(int)
-    return (f"{_points(len(outliers), 'outlying')} ignored {listed(outliers)}",) if len(outliers) else ()
+    return (f"{_points(len(outliers), 'outlying')} ignored {counted(outliers)}",) if len(outliers) else ()
 
 
 def _points(count: int, kind: str) -> str:

@@ -29,7 +29,7 @@ from tssgeom.uncertain import Uncertain
 
 Policy = Literal["cross", "wait"]
 """What a drive does where a target makes it turn: `cross` the dead zone at once, or `wait` inside it."""
-Measured = Literal["tension", "displacement"] | None
+ReadDrive = Literal["tension", "displacement"] | None
 """What is measured of a drive."""
 
 
@@ -122,7 +122,7 @@ class Commander:
         if not has_target:
             return state, None, commander
         target = Target(wanted, pull if wanted is None else None)
-        measured: Measured = None if not driven else "displacement" if read is None else "tension"
+        measured: ReadDrive = None if not driven else "displacement" if read is None else "tension"
         command, after = commander.command(state, at, target, elapsed=elapsed, measured=measured)
         return (state if driven else command.state), command, after
 
@@ -142,7 +142,7 @@ class Commander:
         target: Target,
         *,
         elapsed: float | None = None,
-        measured: Measured = None,
+        measured: ReadDrive = None,
     ) -> tuple[Command, Commander]:
         """Return the command that reaches a target, and the commander after it.
 
@@ -218,7 +218,7 @@ class Commander:
         return (tension_out - (target.tension_out or 0.0)) / stiffness
 
     def _near_enough(
-        self, before: TendonState, held: TendonState, at: Step, target: Target, measured: Measured
+        self, before: TendonState, held: TendonState, at: Step, target: Target, measured: ReadDrive
     ) -> bool:
         """Whether a drive that is held inside the dead zone may stay there; docs/model.md (215)."""
         ends, rig = transmit(held, self.rig), self.rig
@@ -233,7 +233,7 @@ class Commander:
         return is_near(miss, _of(errors, measured), self.tolerance)
 
 
-def _of(errors: DistalErrors, measured: Measured) -> float:
+def _of(errors: DistalErrors, measured: ReadDrive) -> float:
     """Return the error of the load's position [m]: for a drive by tension where that is measured."""
     return errors.displacement_out_by_tension if measured == "tension" else errors.displacement_out
 

@@ -212,7 +212,7 @@ class _Drives:
         """Return the angle of the motor behind its play with inputs [c] [rad]; None without a motor."""
         if not self._follows.by_motor:
             return None
-        return behind_play(float(self.near[0]), float(inputs[0]), self._width)
+        return float(behind_play(inputs[0], self._width, self.near[0]))
 
     def moved(self, inputs: Vector) -> Vector:
         """Return where the drives are with inputs [c]: [n] [m]."""
@@ -260,7 +260,7 @@ class _EndPlay:
         """Return what sensors read of outputs."""
         if self._width == 0.0:
             return outputs
-        return np.array([behind_play(self._engaged, float(outputs[0]), self._width)])
+        return behind_play(outputs[:1], self._width, self._engaged)
 
     def inner(self, target: Vector) -> Vector:
         """Return where the joint has to be for a reading [rad]."""

@@ -20,7 +20,7 @@ from tssgeom.route.agreement import is_off, turns_unobserved
 from tssgeom.route.arcs.chain import Chain, Data, along
 from tssgeom.route.arcs.moves import Budget, without_piece
 from tssgeom.route.curvature import CurvatureProfile
-from tssgeom.route.directions import direction_warnings, listed
+from tssgeom.route.directions import counted, direction_warnings
 from tssgeom.route.model_choice import chain_deviance
 from tssgeom.route.observations import BACK, Shape, outlier_warnings
 from tssgeom.route.pieces import Arcs
@@ -89,7 +89,7 @@ def _order_warnings(shape: Shape, weight: Vector, stations: Vector, noise: float
     behind = used[np.maximum.accumulate(at) - at > least]
     if not len(behind):
         return ()
-    named = listed(shape.index[behind].astype(int))
+    named = counted(shape.index[behind].astype(int))
     some = "1 point runs" if len(behind) == 1 else f"{len(behind)} points run"
     return (f"{some} {BACK} {named}: check for points out of order",)
 

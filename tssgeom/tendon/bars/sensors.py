@@ -163,6 +163,7 @@ def play(values: Vector, width: float, engaged: float | None = None) -> Vector:
     return np.array(passed)
 
 
-def behind_play(engaged: float, value: float, width: float) -> float:
-    """Return where what was `engaged` stands once the motion is at a value; docs/model.md (59)."""
-    return min(max(engaged, value), value + width)
+def behind_play(position: Vector | float, width: Vector | float, before: Vector | float) -> Vector:
+    """Return positions [n] behind a play that stood `before` [n], NaN at the begin; docs/model.md (59)."""
+    before = np.where(np.isnan(before), position, before)
+    return np.minimum(np.maximum(before, position), position + width)
