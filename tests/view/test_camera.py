@@ -9,8 +9,16 @@ from tests.view.conftest import analysed
 from tssgeom.route.synthetic import Course, positions
 from tssgeom.stream import Frame, FrameResult
 from tssgeom.view.samples import route_samples
-from tssgeom.view.scene.camera import ASPECT, Camera, camera
-from tssgeom.view.scene.labels import LabelPositions, label_positions, labelled, scale_label, time_position
+from tssgeom.view.scene.labels import (
+    ASPECT,
+    Camera,
+    LabelPositions,
+    camera,
+    label_positions,
+    labelled,
+    scale_label,
+    time_position,
+)
 
 
 def helix(turns: float, pitch: float, size: float) -> np.ndarray:

@@ -17,9 +17,9 @@ from tssgeom.stream import FrameResult
 from tssgeom.view import colours
 from tssgeom.view.quantities import COUNT, TIMELINE
 from tssgeom.view.samples import numbers_of
-from tssgeom.view.scene.camera import ASPECT
 from tssgeom.view.scene.compare.comparison import write_comparison
 from tssgeom.view.scene.finding.recording import write_finding_recording
+from tssgeom.view.scene.labels import ASPECT
 from tssgeom.view.scene.paper import write_paper_recording
 
 SAMPLES = Path(__file__).resolve().parents[2] / "sample_shapes"

@@ -12,8 +12,7 @@ from tssgeom.plausibility.kinds import Remark
 from tssgeom.plausibility.limits import LIMITS
 from tssgeom.plausibility.machines import angle_remarks, direction_remarks, load_sign_remarks, sign_remarks
 from tssgeom.plausibility.rules import remark
-from tssgeom.plausibility.series import DRIVES, Series, correlation, filled
-from tssgeom.plausibility.values import DISPLACEMENTS, apparent_friction
+from tssgeom.plausibility.series import DISPLACEMENTS, DRIVES, Series, apparent_friction, correlation, filled
 
 _LINE = 0.12  # of a leg: the line by which a channel rises before it turns [1]; chosen for the noise
 _LEVEL = 0.03  # of that rise: readings so near the greatest are at its level [1]; chosen

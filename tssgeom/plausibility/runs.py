@@ -16,8 +16,7 @@ from tssgeom.plausibility.kinds import Remark
 from tssgeom.plausibility.limits import LIMITS
 from tssgeom.plausibility.motion import motion_remarks
 from tssgeom.plausibility.rules import remark
-from tssgeom.plausibility.series import DRIVES, TIME, Series
-from tssgeom.plausibility.values import value_remarks
+from tssgeom.plausibility.series import DRIVES, TIME, Series, value_remarks
 from tssgeom.rig import Rig
 
 

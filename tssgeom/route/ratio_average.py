@@ -21,7 +21,8 @@ from tssgeom.route.observations import MIN_POINTS, NOISE_PRIOR, Shape, noise_pri
 from tssgeom.route.pieces import smooth_geometry
 from tssgeom.route.route import step_lengths
 from tssgeom.route.spline.fit import fit
-from tssgeom.route.spline.problem import LastPass, Problem, Solution, before_pass, next_pass, scaled_variance
+from tssgeom.route.spline.posterior import before_pass, next_pass, scaled_variance
+from tssgeom.route.spline.problem import LastPass, Problem, Solution
 from tssgeom.route.spline.spline import Spline, spline_of
 from tssgeom.statistics import EVIDENCE_SCALE
 

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Generator
+from typing import NamedTuple
 
 import numpy as np
 
 from tssgeom import core
 from tssgeom.arrays import Matrix, Points, Vector
-from tssgeom.core.constants_route import PASSES, PRIOR
+from tssgeom.core.constants_route import PASSES, PRIOR, SEARCH
 from tssgeom.errors import FitError
 from tssgeom.plausibility.limits import LIMITS as PLAUSIBLE
+from tssgeom.route.directions import tangent_variances
 from tssgeom.route.observations import Shape
 from tssgeom.route.outliers import leaves_out_a_stretch, may_drop_tangent, outlying_tangent
 from tssgeom.route.route import summed
@@ -20,12 +22,21 @@ from tssgeom.route.spline.problem import (
     LastPass,
     Problem,
     Solution,
-    before_pass,
-    deviance,
-    next_pass,
-    scaled_variance,
-    solve,
 )
+
+
+class NoiseSearch(NamedTuple):
+    """How the noise of the points is searched beside directions of known noise."""
+
+    first: tuple[float, ...] = tuple(math.log(10.0**-k) for k in (10, 8, 6, 5, 4, 3, 2))
+    """First trials of the noise variance [ln spacing²]; chosen."""
+    step: float = 1.0
+    """Distance of the next trials of it [ln]; chosen."""
+    shrink: float = 0.4
+    """Factor on the distance where neither trial is better [1]; chosen."""
+
+
+NOISE = NoiseSearch()
 
 PARAMETERS = 20
 """A pass of the spline takes as long as one over a chain of so many parameters. Chosen: by latency."""
@@ -195,3 +206,115 @@ def _outlying_tangent(problem: Problem, solution: Solution) -> int:
         return -1
     spread = solution.covariance[:, 4] * solution.intensity
     return outlying_tangent(tangents, variance, problem.model.u, solution.mean, spread)
+
+
+def scaled_variance(noise: float | None, spacing: float) -> float:
+    """Return the variance of a known noise [m] in squares of the spacing [m], or 0 where it is not known."""
+    return 0.0 if noise is None else max(noise / spacing, PRIOR.rounding) ** 2
+
+
+def before_pass(last: LastPass, variance: float, tangents: Points | None, sensor_variance: float) -> Problem:
+    """Return the problem from which `next_pass` goes on, with the points of the last pass."""
+    model = FilterModel(last.u, last.y, last.weight, *(np.zeros(0),) * 4, across_only=True)
+    return Problem(model, variance, np.zeros(0), last.stations_known, tangents, sensor_variance)
+
+
+def solve(problem: Problem, guess: float = 0.0) -> Solution:
+    """Solve a problem, λ searched from a guess, or everywhere where that is 0.
+
+    Raises FitError where the points give no finite curve.
+    """
+    model, sensed, inverse_intensity = problem.model, problem.sensed, 0.0
+    if sensed[0] is None or problem.variance > 0.0:
+        best = core.best_ratio(*model, *sensed, problem.variance, guess)
+    else:
+        best = _best_noise(problem, guess)
+    if sensed[0] is not None:
+        model = model._replace(ends=problem.ends_at(best[0] * best[1]))
+        inverse_intensity = 1.0 / best[1]
+    return Solution(*best, *core.smooth(*model, *sensed, best[0], inverse_intensity))
+
+
+def _best_noise(problem: Problem, guess: float) -> tuple[float, float, float, float, int]:
+    """λ, q and `core.innovations` where they are likeliest beside directions of known noise; (92)."""
+    model, likely = problem.model, problem.likely_variance
+    dimensions = 2 if model.across_only else 3
+
+    def at(x: float, guess: float) -> tuple[float, tuple[float, float, float, float, int]]:
+        variance = math.exp(x)
+        own = model._replace(ends=model.ends * (likely / variance))
+        best = core.best_ratio(*own, *problem.sensed, variance, guess)
+        ratio, q, log_s, squares, n = best
+        deviance = dimensions * (n * math.log(q) + log_s) + squares / q
+        return deviance + SEARCH.price_per_decade * math.log10(ratio), best
+
+    x, width = math.log(likely), NOISE.step
+    if guess <= 0.0:
+        x = min((x, *NOISE.first), key=lambda trial: at(trial, 0.0)[0])
+    least, best = at(x, guess)
+    while width > PASSES.same_ratio:
+        trials = [(*at(x + way * width, best[0]), x + way * width) for way in (-1.0, 1.0)]
+        value, trial, there = min(trials, key=lambda trial: trial[0])
+        if value < least and there > math.log(PRIOR.rounding**2):
+            x, least, best = there, value, trial
+        else:
+            width *= NOISE.shrink
+    return best
+
+
+def next_pass(problem: Problem, solution: Solution | LastPass, stations: Vector | None = None) -> Problem:
+    """Linearise the prior along the fitted curve, and put unknown stations at the feet of the points.
+
+    `stations` are those of the next pass, where the sensor gives them.
+    """
+    model, known = problem.model, problem.stations_known
+    u, coupling, ends, curve_tangent = core.prior_along_curve(
+        model.u,
+        model.y,
+        model.weight,
+        solution.ratio,
+        solution.intensity,
+        solution.mean,
+        solution.covariance,
+        known,
+    )
+    u = u if stations is None else stations
+    variance = max(solution.ratio * solution.intensity, PRIOR.rounding**2)
+    tangent_variance = None
+    if problem.tangents is not None:
+        slid = np.zeros(len(u)) if known else coupling[:, 0] * (problem.variance or variance)
+        tangent_variance = tangent_variances(problem.tangents, problem.sensor_variance, slid)
+    model = FilterModel(
+        u=u,
+        y=model.y,
+        weight=model.weight,
+        transition=core.transitions(u, coupling),
+        start=solution.mean[0].copy(),
+        ends=ends,
+        curve_tangent=curve_tangent,
+        across_only=True,
+    )
+    return problem._replace(
+        model=model, coupling=coupling, tangent_variance=tangent_variance, likely_variance=variance
+    )
+
+
+def deviance(problem: Problem, solution: Solution, spacing: float) -> float:
+    """-2 ln of the evidence of the points normal to the route [ln m²]; docs/model.md (34).
+
+    The restricted likelihood prices the unknown position and direction by their information in units of the
+    spacing; that price is replaced by the logarithm of the number of values for each of the four, and for
+    both variances at the ends.
+    """
+    q = max(solution.intensity, 1e-280)
+    tangent_variance = np.zeros(0)
+    if problem.tangent_variance is not None:
+        tangent_variance = problem.tangent_variance[problem.tangent_variance > 0.0]
+    n = solution.values + 2
+    points = n - len(tangent_variance)
+    variance = max(solution.ratio * q, 1e-280) * spacing**2
+    by_tangents = float(np.sum(solution.ratio * q / tangent_variance))  # docs/model.md (92)
+    information = math.log(points * (points * (points * points - 1.0) / 12.0 + by_tangents))
+    fitted = 2 * (solution.values * math.log(q) + solution.log_s) + solution.squares / q
+    fitted += 4 * (points - 2) * math.log(spacing)
+    return fitted + 4 * math.log(variance) - 2 * information + 6 * math.log(2 * n)

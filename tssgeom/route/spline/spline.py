@@ -13,7 +13,8 @@ from tssgeom.core.constants_route import NODES
 from tssgeom.route.directions import direction_warnings
 from tssgeom.route.observations import Shape, outlier_warnings
 from tssgeom.route.route import Route
-from tssgeom.route.spline.problem import LastPass, Problem, Solution, deviance
+from tssgeom.route.spline.posterior import deviance
+from tssgeom.route.spline.problem import LastPass, Problem, Solution
 
 
 @dataclass(frozen=True, slots=True)

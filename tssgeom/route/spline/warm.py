@@ -10,8 +10,8 @@ from tssgeom.arrays import Vector
 from tssgeom.core.constants_route import PASSES, SEARCH
 from tssgeom.route.observations import Shape, noise_price, on_chords
 from tssgeom.route.route import Route
-from tssgeom.route.spline.posterior import warmed
-from tssgeom.route.spline.problem import LastPass, deviance, scaled_variance
+from tssgeom.route.spline.posterior import deviance, scaled_variance, warmed
+from tssgeom.route.spline.problem import LastPass
 from tssgeom.route.spline.spline import Spline, rows_for, spline_of
 
 _UNLIKELY = -4.0 * math.log(PASSES.representative)

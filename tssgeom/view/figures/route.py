@@ -19,7 +19,7 @@ from tssgeom.view.end_names import ENDS, end_names, leader
 from tssgeom.view.figures.plots import BLUE, COLUMN, INK, ORANGE, SOFT, figure, titles
 from tssgeom.view.quantities import ARC_LENGTH, CURVATURE_AT, TENSION_AT
 from tssgeom.view.samples import round_down, round_up, route_samples
-from tssgeom.view.scene.camera import axis_letters, camera
+from tssgeom.view.scene.labels import axis_letters, camera
 
 NODES = 128
 """Nodes of a route in a figure; chosen: enough for a line of this size."""

@@ -28,7 +28,7 @@ from tssgeom.view.samples import (
     staircase,
     tension_se,
 )
-from tssgeom.view.scene.camera import camera
+from tssgeom.view.scene.labels import camera
 from tssgeom.view.wording import angle_with_error, with_error
 
 _NODES = 96  # of a route, enough for a line of this size

@@ -11,8 +11,8 @@ import rerun.blueprint as rrb
 
 from tssgeom.view import colours
 from tssgeom.view.quantities import COUNT, TIMELINE
-from tssgeom.view.scene.camera import Camera
 from tssgeom.view.scene.charts import Box
+from tssgeom.view.scene.labels import Camera
 
 BACKGROUND = rrb.Background(color=colours.BACKGROUND)
 _IN_SPACE = ("route", "sensed", "joints", "labels", "lumen", "scale")

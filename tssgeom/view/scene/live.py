@@ -23,8 +23,8 @@ from tssgeom.view import colours
 from tssgeom.view.quantities import TIMELINE
 from tssgeom.view.samples import Ranges, RouteSamples, numbers_of, ranges, round_up, route_samples
 from tssgeom.view.scene.blueprint import blueprint
-from tssgeom.view.scene.camera import ASPECT, Camera, camera
-from tssgeom.view.scene.columns import Sender
+from tssgeom.view.scene.charts import Sender
+from tssgeom.view.scene.labels import ASPECT, Camera, camera
 from tssgeom.view.scene.recording import send_pictures
 from tssgeom.view.scene.run import Run, send_numbers
 from tssgeom.view.scene.writer import send_layout

@@ -15,9 +15,8 @@ from tssgeom.view import colours
 from tssgeom.view.quantities import quantity
 from tssgeom.view.samples import RouteSamples
 from tssgeom.view.scene.blueprint import Span, layout, plot, space_view, time_panel
-from tssgeom.view.scene.camera import Camera, camera
-from tssgeom.view.scene.columns import Sender, segments_3d
-from tssgeom.view.scene.labels import time_position
+from tssgeom.view.scene.charts import Sender, segments_3d
+from tssgeom.view.scene.labels import Camera, camera, time_position
 from tssgeom.view.scene.space import send_scale_bar
 from tssgeom.view.scene.writer import recording_file
 

@@ -20,18 +20,17 @@ from tssgeom.view import colours
 from tssgeom.view.quantities import ELONGATION, TENSION_IN, TENSION_OUT
 from tssgeom.view.samples import Ranges, RouteSamples, evenly
 from tssgeom.view.scene.blueprint import chart, layout, plot, space_view, time_panel
-from tssgeom.view.scene.camera import Camera, camera
 from tssgeom.view.scene.charts import (
     Axis,
     Box,
     Chart,
+    Sender,
     send_axes,
     send_slip_front,
     send_tension_chart,
     slid_up_to,
 )
-from tssgeom.view.scene.columns import Sender
-from tssgeom.view.scene.labels import label_positions
+from tssgeom.view.scene.labels import Camera, camera, label_positions
 from tssgeom.view.scene.run import send_line
 from tssgeom.view.scene.space import (
     label_texts,

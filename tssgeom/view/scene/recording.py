@@ -15,8 +15,7 @@ from tssgeom.lumen.clearance import Clearance
 from tssgeom.stream import FrameResult
 from tssgeom.view import wording as words
 from tssgeom.view.scene.blueprint import blueprint, chart_boxes
-from tssgeom.view.scene.charts import send_curvature_chart, send_slip_front, send_tension_chart
-from tssgeom.view.scene.columns import Sender
+from tssgeom.view.scene.charts import Sender, send_curvature_chart, send_slip_front, send_tension_chart
 from tssgeom.view.scene.run import Run, run_of, send_series
 from tssgeom.view.scene.space import clearance_words, send_clearance, send_space
 from tssgeom.view.scene.writer import recording_file

@@ -16,8 +16,8 @@ from tssgeom.summary import RANGED
 from tssgeom.view import colours
 from tssgeom.view.quantities import ANGLE, ELONGATION, TENSION_IN, TENSION_OUT, Quantity
 from tssgeom.view.samples import Ranges, RouteSamples, front, numbers_of, ranges, route_samples
-from tssgeom.view.scene.camera import Camera, camera
-from tssgeom.view.scene.columns import Sender
+from tssgeom.view.scene.charts import Sender
+from tssgeom.view.scene.labels import Camera, camera
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,9 +14,15 @@ from tssgeom.route.pieces import Arcs
 from tssgeom.view import colours
 from tssgeom.view import wording as words
 from tssgeom.view.samples import RouteSamples, outliers
-from tssgeom.view.scene.camera import Camera
-from tssgeom.view.scene.columns import Sender, segments_3d
-from tssgeom.view.scene.labels import LabelPositions, label_positions, labelled, scale_label, time_position
+from tssgeom.view.scene.charts import Sender, segments_3d
+from tssgeom.view.scene.labels import (
+    Camera,
+    LabelPositions,
+    label_positions,
+    labelled,
+    scale_label,
+    time_position,
+)
 from tssgeom.view.scene.run import Run, send_numbers_of_route
 
 if TYPE_CHECKING:

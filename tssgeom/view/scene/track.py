@@ -15,8 +15,8 @@ from tssgeom.arrays import Points, Vector
 from tssgeom.view import colours
 from tssgeom.view.quantities import ANGLE, TENSION_OUT
 from tssgeom.view.scene.blueprint import BACKGROUND, layout, plot, space_view, time_panel
-from tssgeom.view.scene.camera import Camera, camera
-from tssgeom.view.scene.columns import Sender
+from tssgeom.view.scene.charts import Sender
+from tssgeom.view.scene.labels import Camera, camera
 from tssgeom.view.scene.space import send_scale_bar
 from tssgeom.view.scene.writer import recording_file
 

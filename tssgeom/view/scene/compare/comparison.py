@@ -15,20 +15,19 @@ from tssgeom.view import colours
 from tssgeom.view.quantities import ELONGATION, TENSION_IN, TENSION_OUT, TIMELINE
 from tssgeom.view.samples import Ranges, ranges
 from tssgeom.view.scene.blueprint import chart, layout, plot, space_view
-from tssgeom.view.scene.camera import Camera
 from tssgeom.view.scene.charts import (
     Axis,
     Box,
     Chart,
+    Sender,
     send_axes,
     send_curvature_chart,
     send_slip_front,
     send_tension_chart,
 )
-from tssgeom.view.scene.columns import Sender
 from tssgeom.view.scene.compare.difference import Difference, aligned, comparison, difference, table
 from tssgeom.view.scene.compare.reading import Side, read_side
-from tssgeom.view.scene.labels import label_positions
+from tssgeom.view.scene.labels import Camera, label_positions
 from tssgeom.view.scene.run import camera_of, send_line
 from tssgeom.view.scene.space import label_texts, send_labels, send_piece_names, send_route, send_scale_bar
 from tssgeom.view.scene.writer import recording_file

@@ -20,8 +20,18 @@ from tssgeom.view.figures.heat_map import bends
 from tssgeom.view.quantities import COUNT, TENSION_IN
 from tssgeom.view.samples import Ranges
 from tssgeom.view.scene.blueprint import Span, beside_legend, chart, from_zero, layout, space_view, time_panel
-from tssgeom.view.scene.charts import Axis, Box, Chart, send_axes, send_slip_front, send_tension_chart
-from tssgeom.view.scene.columns import Sender, segments_2d, segments_3d, strips_2d
+from tssgeom.view.scene.charts import (
+    Axis,
+    Box,
+    Chart,
+    Sender,
+    segments_2d,
+    segments_3d,
+    send_axes,
+    send_slip_front,
+    send_tension_chart,
+    strips_2d,
+)
 from tssgeom.view.scene.finding.replay import Replay, friction_map, replay
 from tssgeom.view.scene.labels import label_positions
 from tssgeom.view.scene.space import label_texts, send_joints, send_labels, send_piece_names, send_scale_bar

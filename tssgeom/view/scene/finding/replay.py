@@ -14,8 +14,8 @@ from tssgeom.identify.finding import Finding, LawCurve, RouteMisfit, Trace
 from tssgeom.route.pieces import Arcs
 from tssgeom.statistics import NORMAL_95
 from tssgeom.view.samples import RouteSamples, evenly, round_up
-from tssgeom.view.scene.camera import Camera, camera
 from tssgeom.view.scene.charts import slid_up_to
+from tssgeom.view.scene.labels import Camera, camera
 
 MOST_ROWS = 240
 """Pictures of the route over the whole campaign."""
