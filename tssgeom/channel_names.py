@@ -48,3 +48,28 @@ def marked(name: str, mark: str) -> str:
 def numbered(name: str, count: int) -> Iterator[str]:
     """Yield the channel of each tendon: `tension_in_N` of one, `tension_in_1_N` … of several."""
     yield from (name,) if count == 1 else (marked(name, str(k + 1)) for k in range(count))
+
+
+_OF_KEYS = {
+    "_per_N": "1/N",
+    "_N_per_m": "N/m",
+    "_Nm_per_rad": "N·m/rad",
+    "_Nm_per_rad3": "N·m/rad³",
+    "_Nm": "N·m",
+    "_N": "N",
+    "_m": "m",
+    "_rad": "rad",
+    "_A": "A",
+    "_s": "s",
+}
+
+
+def unit_of_key(key: str) -> str:
+    """Return the unit of a number of a rig or of a run as it is printed, 1 where its name ends in none.
+
+    The zero of a sensor has the unit of its channel, a drift that by s.
+    """
+    if key.endswith(".drift_per_s"):
+        return f"{unit_of_key(key.removesuffix('.drift_per_s'))}/s"
+    name = key.removesuffix(".zero")
+    return next((unit for ending, unit in _OF_KEYS.items() if name.endswith(ending)), "1")

@@ -15,10 +15,10 @@ from tests.identify.test_machine_discovery import (
     rig,
     work_of_play,
 )
+from tssgeom.channel_names import unit_of_key
 from tssgeom.identify.machine_discovery import machine_work
 from tssgeom.identify.machine_evidence import contradicted, touched
 from tssgeom.identify.machine_finding import MachineCampaign
-from tssgeom.identify.machine_parameters import unit_of
 from tssgeom.identify.machine_parts import _drift
 from tssgeom.identify.machine_run import machine_run
 from tssgeom.identify.machine_score import as_noise
@@ -53,9 +53,9 @@ def test_a_drift_is_expected_by_the_widest_range_and_the_longest_run():
 
 
 def test_a_drift_has_the_unit_of_its_channel_by_second_and_a_time_that_stays_above_zero():
-    assert unit_of("sensors.joint_angle_rad.drift_per_s") == "rad/s"
-    assert unit_of("sensors.tension_in_1_N.drift_per_s") == "N/s"
-    assert unit_of("sensors.tension_in_1_N.drift_time_s") == "s"
+    assert unit_of_key("sensors.joint_angle_rad.drift_per_s") == "rad/s"
+    assert unit_of_key("sensors.tension_in_1_N.drift_per_s") == "N/s"
+    assert unit_of_key("sensors.tension_in_1_N.drift_time_s") == "s"
     assert assumed("sensors.joint_angle_rad.drift_time_s", 5.0, 4.0).log
     assert not assumed("sensors.joint_angle_rad.drift_per_s", 0.001, 0.002).log
 

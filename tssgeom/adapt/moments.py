@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from tssgeom import core
 from tssgeom.adapt.ensemble import Ensemble
-from tssgeom.adapt.readings import CHANNELS, Moment, noise_variance
+from tssgeom.adapt.readings import CHANNELS, Moment, noise_variance, used
 from tssgeom.adapt.rig_filter import RigFilter
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.core.constants import CHANCE
@@ -272,9 +272,7 @@ class TendonFromHere(RunFromHere):
         return (0.0 if given is None else given,)
 
     def _read(self, readings: Any, muted: set[str]) -> Sequence[float]:
-        pull = None if readings.by_force else readings.tension_in
-        read = zip(CHANNELS, (pull, readings.tension_out, readings.elongation), strict=True)
-        return [math.nan if value is None or name in muted else value for name, value in read]
+        return used(readings, muted)
 
 
 def highest_of_noise(step: float) -> float:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -78,6 +79,13 @@ class FollowedRig:
 def noise_variance(sensor: Sensor | None) -> float:
     """Return the variance of a reading by the stated noise and resolution of its sensor."""
     return 0.0 if sensor is None else sensor.noise**2 + sensor.resolution**2 / 12.0
+
+
+def used(readings: Readings, muted: Collection[str]) -> list[float]:
+    """Return what was read of each of `CHANNELS`; NaN where nothing, what drives, or is muted."""
+    pull = None if readings.by_force else readings.tension_in
+    read = zip(CHANNELS, (pull, readings.tension_out, readings.elongation), strict=True)
+    return [math.nan if value is None or name in muted else value for name, value in read]
 
 
 def lagged(now: Vector, before: Vector, read: Vector, lag: Vector | float, span: float) -> Vector:

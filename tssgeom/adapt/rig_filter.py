@@ -14,7 +14,7 @@ from tssgeom import core
 from tssgeom.adapt.ensemble import Ensemble
 from tssgeom.adapt.followed import FollowedNumber, straight_lines
 from tssgeom.adapt.members import PLAYS, SETTINGS, Rows, Standing
-from tssgeom.adapt.readings import CHANNELS, Moment, Readings, lagged, mean_and_sd
+from tssgeom.adapt.readings import CHANNELS, Moment, Readings, lagged, mean_and_sd, used
 from tssgeom.adapt.stepped import Stepped
 from tssgeom.adapt.trailed_drive import TrailedDrive
 from tssgeom.arrays import Matrix, Vector
@@ -167,10 +167,7 @@ class RigFilter(Ensemble):
         return at._replace(readings=readings), [0.0 if given is None else given]
 
     def _given(self, at: Moment) -> Vector:
-        readings: Readings = at.readings
-        pull = None if readings.by_force else readings.tension_in
-        usable = zip(CHANNELS, (pull, readings.tension_out, readings.elongation), strict=True)
-        return np.array([math.nan if v is None or name in self.muted else v for name, v in usable])
+        return np.array(used(at.readings, self.muted))
 
     def _stepped(
         self, start: Standing, rows: Rows, read: Matrix, at: Moment, span: float, passed: float

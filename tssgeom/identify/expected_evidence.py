@@ -7,8 +7,9 @@ A. C. Atkinson, V. V. Fedorov, Biometrika 62 (1975) 57, on T-optimality.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -90,16 +91,38 @@ class Information:
 
 def information_of(run: Predicted, models: Sequence[CandidateModel]) -> Information:
     """Return what one run, with its derivatives, is expected to add."""
-    white = run.problem.whitening
+    whitened = run.problem.whitening.whitened
+    may_be_true = [each.may_be_true for each in models]
+    return expected((run,), run.flat, run.slopes, [whitened] * len(models), may_be_true)
+
+
+def expected(
+    runs: tuple[Predicted, ...],
+    flat: Sequence[Vector],
+    slopes: Sequence[Matrix],
+    whitened: Sequence[Callable[[Any], Any]],
+    may_be_true: Sequence[bool],
+) -> Information:
+    """Return the information of one run; docs/model.md (117), (314).
+
+    Parameters
+    ----------
+    runs
+        The run, of one tendon.
+    flat, slopes, whitened
+        Of each model: what it predicts [rows], its derivatives [rows, size], and what whitens either.
+    may_be_true
+        Of each model.
+    """
     normal, slope, square = list[Matrix](), dict[tuple[int, int], Vector](), dict[tuple[int, int], float]()
-    for j in range(len(models)):
-        own = white.whitened(run.slopes[j])
+    for j, own_whitened in enumerate(whitened):
+        own = own_whitened(slopes[j])
         normal.append(own.T @ own)
-        for i, true in enumerate(models):
-            if i != j and true.may_be_true:
-                off = white.whitened(run.flat[i] - run.flat[j])
+        for i in np.flatnonzero(may_be_true).tolist():
+            if i != j:
+                off = own_whitened(flat[i] - flat[j])
                 slope[i, j], square[i, j] = own.T @ off, float(off @ off)
-    return Information((run,), tuple(normal), slope, square)
+    return Information(runs, tuple(normal), slope, square)
 
 
 def expected_delta_bic(added: Information, models: Sequence[Compared]) -> dict[tuple[int, int], float]:

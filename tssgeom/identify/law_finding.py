@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from tssgeom import core
 from tssgeom.arrays import Matrix, Vector, read_only
 from tssgeom.effects import AnyEffect
 from tssgeom.errors import FitError
@@ -15,7 +14,7 @@ from tssgeom.identify.assembly import estimates
 from tssgeom.identify.finding import Candidate, Evidence, LawCurve
 from tssgeom.identify.law_fit import LawFit
 from tssgeom.identify.law_search import LawSearch, Offer, as_fit, needed
-from tssgeom.identify.mechanisms import KNOTS, Mechanism
+from tssgeom.identify.law_smoothness import law_curve
 from tssgeom.identify.misfit import HeldOut
 from tssgeom.identify.screening import detection_limits, size_over_limit
 from tssgeom.identify.selection import name_of
@@ -97,71 +96,42 @@ def curve(fit: LawFit, which: int, nearest: tuple[tuple[str, float], ...] = ()) 
 
     Friction is the coefficient itself, and late strain the whole compliance, whose error the band holds too.
     """
-    one = fit.terms[which].mechanism
-    middle, variance = _averaged(fit, which)
-    spread = NORMAL_95 * np.sqrt(variance)
-    low, high = middle - spread, middle + spread
-    if _is_logarithm(one):
-        low, middle, high = np.exp(low), np.exp(middle), np.exp(high)
-    x, (middle, low, high) = finer(one, middle, low, high)
-    unit = "1/N" if one.name == _LATE else one.unit
-    return LawCurve(one.over, read_only(x), read_only(middle), read_only(low), read_only(high), unit, nearest)
-
-
-_LATE = "strain_over_time"
-
-
-def _is_logarithm(one: Mechanism) -> bool:
-    return one.name == _LATE or one.name.startswith("friction_over")
-
-
-def _averaged(fit: LawFit, which: int) -> tuple[Vector, Vector]:
-    """Return a law, and its variance about it over all times of creep; docs/model.md (352)."""
-    middle, variance = _own(fit, which)
-    if not fit.others:
-        return middle, variance
-    fits = (fit, *fit.others)
-    each = np.array([one.log_evidence for one in fits]) / _inflation(fit)
-    weight = np.exp(each - each.max())
-    of_fits = [(middle, variance), *(_own(one, which) for one in fit.others)]
-    spread = np.array([own + (there - middle) ** 2 for there, own in of_fits])
-    return middle, weight @ spread / weight.sum()
-
-
-def _own(fit: LawFit, which: int) -> tuple[Vector, Vector]:
-    """Return a law of one fit and its variance; of friction and compliance the logarithm of the whole."""
     term = fit.terms[which]
-    one, start = term.mechanism, fit.at.size + sum(t.mechanism.size for t in fit.terms[:which])
-    own = slice(start, start + one.size - one.more)
-    middle = one.value(term.u)
-    if not _is_logarithm(one):
-        slope = _slope(one)
-        return middle, _inflation(fit) * np.diag(slope @ fit.covariance[own, own] @ slope.T)
-    if one.name == _LATE:
-        number, base = 1, fit.at.compliance  # in the order of the numbers of a point
-        middle = 1.0 + middle
-        slope = _slope(one) / middle[:, None]
-    else:
-        number, base = 0, fit.at.friction
-        slope = np.eye(len(middle))
-    variance = np.diag(slope @ fit.covariance[own, own] @ slope.T)
-    variance = variance + fit.covariance[number, number] + 2.0 * slope @ fit.covariance[number, own]
-    return np.log(base * middle), _inflation(fit) * np.maximum(variance, 0.0)
+    if term.mechanism.name == "strain_over_time":
+        return _compliance(fit, which, nearest)
+    covariance = _covariance(fit, which, beside=0)
+    size = term.mechanism.size
+    return law_curve(term.mechanism, np.eye(size), term.u, covariance, fit.at.friction, nearest)
+
+
+def _compliance(fit: LawFit, which: int, nearest: tuple[tuple[str, float], ...]) -> LawCurve:
+    """Return a law of creep as the compliance over time, its band over all times of its elements; (352)."""
+    one, fits = fit.terms[which].mechanism, (fit, *fit.others)
+    evidence = np.array([each.log_evidence for each in fits]) / _inflation(fit)
+    weight = np.exp(evidence - evidence.max())
+    logs, variances = np.array([_log_compliance(each, which) for each in fits]).swapaxes(0, 1)
+    variance = weight @ (variances + (logs - logs[0]) ** 2) / weight.sum()
+    spread = NORMAL_95 * np.sqrt(variance)
+    low, middle, high = (read_only(np.exp(logs[0] + off)) for off in (-spread, 0.0, spread))
+    return LawCurve(one.over, read_only(one.x), middle, low, high, "1/N", nearest)
+
+
+def _log_compliance(fit: LawFit, which: int) -> tuple[Vector, Vector]:
+    """Return the logarithm of the compliance over the time since a step of tension, and its variance."""
+    one, u = fit.terms[which].mechanism, fit.terms[which].u
+    grown = 1.0 + one.value(u)
+    slope = np.column_stack([one.value(unit) for unit in np.eye(one.size)]) / grown[:, None]
+    both = np.column_stack([np.ones(len(grown)), slope])
+    variance = np.einsum("ki,ij,kj->k", both, _covariance(fit, which, beside=1), both)
+    return np.log(fit.at.compliance * grown), np.maximum(variance, 0.0)
+
+
+def _covariance(fit: LawFit, which: int, beside: int) -> Matrix:
+    """Return that of the logarithm of friction (0) or compliance (1), and of the numbers of a law."""
+    start = fit.at.size + sum(term.mechanism.size for term in fit.terms[:which])
+    rows = [beside, *range(start, start + fit.terms[which].mechanism.size)]
+    return _inflation(fit) * fit.covariance[np.ix_(rows, rows)]
 
 
 def _inflation(fit: LawFit) -> float:
     return max(1.0, fit.chi2 / max(len(fit.left), 1))
-
-
-def _slope(one: Mechanism) -> Matrix:
-    """Return the derivatives of a law that is linear in its numbers [k, n]."""
-    return np.column_stack([one.value(unit) for unit in np.eye(one.size)])
-
-
-def finer(one: Mechanism, *values: Vector) -> tuple[Vector, list[Vector]]:
-    """Return the knots of a curve made dense, and values there; what has no knots as it is."""
-    if len(one.x) != len(one.warped) or len(one.x) < 2:
-        return one.x, list(values)
-    dense = np.linspace(0.0, 1.0, KNOTS.reported)
-    x = core.tabulated(core.table_of(one.warped, one.x), dense)
-    return x, [core.tabulated(core.table_of(one.x, each), x) for each in values]

@@ -11,8 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tssgeom.arrays import Matrix, Vector
-from tssgeom.identify.mechanisms import Mechanism
+from tssgeom import core
+from tssgeom.arrays import Matrix, Vector, read_only
+from tssgeom.identify.finding import LawCurve
+from tssgeom.identify.mechanisms import KNOTS, Mechanism
+from tssgeom.statistics import NORMAL_95
 
 
 def law_precision(one: Mechanism, roughness: float, level: float, order: int = 2) -> Matrix:
@@ -96,3 +99,50 @@ def straight_model(jacobian: Matrix, residual: Vector, deviation: Vector) -> Str
     """
     pseudo = residual + jacobian[:, : len(deviation)] @ deviation
     return Straight(jacobian.T @ jacobian, jacobian.T @ pseudo, float(pseudo @ pseudo))
+
+
+def law_curve(
+    one: Mechanism,
+    waves: Matrix,
+    numbers: Vector,
+    covariance: Matrix,
+    coefficient: float,
+    nearest: tuple[tuple[str, float], ...] = (),
+) -> LawCurve:
+    """Return a law over its support with its 95 % band, friction as the coefficient itself; (190), (312).
+
+    Parameters
+    ----------
+    one, waves, numbers
+        The law, u at its knots by its waves [k, waves], and its numbers [waves].
+    covariance
+        Of the logarithm of the coefficient, and of the numbers [1 + waves, 1 + waves].
+    coefficient
+        Of friction [1].
+    nearest
+        Formulae near to it.
+    """
+    whole, shape = waves @ numbers, waves[: one.size - one.more]
+    if one.name.startswith("friction_over"):
+        both = np.column_stack([np.ones(len(shape)), shape])
+        middle = coefficient * one.value(whole)
+        spread = NORMAL_95 * np.sqrt(np.maximum(np.einsum("ki,ij,kj->k", both, covariance, both), 0.0))
+        low, high = middle * np.exp(-spread), middle * np.exp(spread)
+    else:
+        each = np.column_stack([one.value(unit) for unit in shape.T])  # it is linear in u
+        middle = one.value(whole)
+        spread = NORMAL_95 * np.sqrt(np.einsum("ki,ij,kj->k", each, covariance[1:, 1:], each))
+        low, high = middle - spread, middle + spread
+    x, (middle, low, high) = _finer(one, middle, low, high)
+    return LawCurve(
+        one.over, read_only(x), read_only(middle), read_only(low), read_only(high), one.unit, nearest
+    )
+
+
+def _finer(one: Mechanism, *values: Vector) -> tuple[Vector, list[Vector]]:
+    """Return the knots of a curve made dense, and values there; what has no knots as it is."""
+    if len(one.x) != len(one.warped) or len(one.x) < 2:
+        return one.x, list(values)
+    dense = np.linspace(0.0, 1.0, KNOTS.reported)
+    x = core.tabulated(core.table_of(one.warped, one.x), dense)
+    return x, [core.tabulated(core.table_of(one.x, each), x) for each in values]

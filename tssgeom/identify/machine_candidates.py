@@ -14,7 +14,7 @@ import numpy as np
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.errors import TssgeomError
 from tssgeom.identify.candidate_models import BASE, CANDIDATES
-from tssgeom.identify.expected_evidence import Information
+from tssgeom.identify.expected_evidence import Information, expected
 from tssgeom.identify.law_search import LAW_SEARCH
 from tssgeom.identify.machine_evidence import FittedModel
 from tssgeom.identify.machine_finding import MachineWork
@@ -114,8 +114,10 @@ class PredictedRun:
     own: Matrix
     """[rows, own] By zeros and start of the run."""
 
-    def whitened(self, values: Matrix) -> Matrix:
+    def whitened(self, values: np.ndarray) -> np.ndarray:
         """Return rows without what zeros and start of the run may do; docs/model.md (314)."""
+        if values.ndim == 1:
+            return self.whitened(values[:, None])[:, 0]
         left, sizes, _ = np.linalg.svd(self.own, full_matrices=False)
         share = 1.0 - 1.0 / np.hypot(1.0, sizes)
         return np.asarray(values - left @ (share[:, None] * (left.T @ values)), dtype=np.float64)
@@ -166,12 +168,5 @@ def information_of_run(
     predicted: Sequence[PredictedRun], candidates: Sequence[MachineCandidate]
 ) -> Information:
     """Return what one run is expected to add; docs/model.md (117), (314)."""
-    normal, slope, square = list[Matrix](), dict[tuple[int, int], Vector](), dict[tuple[int, int], float]()
-    for j, one in enumerate(predicted):
-        own = one.whitened(one.slope)
-        normal.append(own.T @ own)
-        for i, true in enumerate(candidates):
-            if i != j and true.may_be_true:
-                off = one.whitened((predicted[i].flat - one.flat)[:, None])[:, 0]
-                slope[i, j], square[i, j] = own.T @ off, float(off @ off)
-    return Information((), tuple(normal), slope, square)
+    flat, slopes, whitened = zip(*((one.flat, one.slope, one.whitened) for one in predicted), strict=True)
+    return expected((), flat, slopes, whitened, [each.may_be_true for each in candidates])

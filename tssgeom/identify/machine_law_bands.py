@@ -13,8 +13,8 @@ from tssgeom.arrays import Matrix, Vector
 from tssgeom.core.constants_tendon_rows import TABLE
 from tssgeom.identify.finding import LawCurve
 from tssgeom.identify.law_fit import ORDERS
-from tssgeom.identify.law_smoothness import straight_model
-from tssgeom.identify.machine_laws import FreeLaw, law_curve
+from tssgeom.identify.law_smoothness import law_curve, straight_model
+from tssgeom.identify.machine_laws import FreeLaw
 from tssgeom.identify.machine_parts import Number, Part
 from tssgeom.identify.machine_problem import FitState, Problem
 from tssgeom.identify.machine_score import with_part
@@ -59,7 +59,7 @@ def law_band(problem: Problem, state: FitState, law: FreeLaw) -> LawCurve:
     prior, of_law = rest.parameters[first].prior, [first, *range(n, len(deviation))]
     scale = np.diag([prior.sd, *np.ones(fine.size)])
     own = scale @ covariance[np.ix_(of_law, of_law)] @ scale
-    return law_curve(fine, numbers, own, prior.value(state.u[others][first]))
+    return law_curve(fine.mechanism, fine.waves, numbers, own, prior.value(state.u[others][first]))
 
 
 def by_knots(law: FreeLaw, problem: Problem, u: Vector, numbers: Vector) -> Matrix | None:

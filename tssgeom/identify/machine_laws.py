@@ -13,15 +13,12 @@ from itertools import chain, product
 import numpy as np
 
 from tssgeom import core
-from tssgeom.arrays import Matrix, Vector, read_only
-from tssgeom.channel_names import numbered
+from tssgeom.arrays import Matrix, Vector
+from tssgeom.channel_names import numbered, unit_of_key
 from tssgeom.core.constants_tendon_rows import TABLE
 from tssgeom.effects import AnyEffect, LoadLaw
-from tssgeom.identify.finding import LawCurve
-from tssgeom.identify.law_finding import finer
 from tssgeom.identify.law_fit import LAW_FIT
 from tssgeom.identify.law_smoothness import law_precision
-from tssgeom.identify.machine_parameters import unit_of
 from tssgeom.identify.machine_run import MachineRun
 from tssgeom.identify.mechanisms import (
     KNOTS,
@@ -34,7 +31,6 @@ from tssgeom.identify.mechanisms import (
 from tssgeom.mechanism import OF_END
 from tssgeom.plausibility.limits import LIMITS as PLAUSIBLE
 from tssgeom.rig import Rig
-from tssgeom.statistics import NORMAL_95
 
 ANGLE = OF_END["joint"][0]
 
@@ -190,11 +186,11 @@ def _mechanisms(
             noise = KNOTS.sensor_unit * max(run.noise[channel] for run in those)
             scale = max(noise, KNOTS.sensor_share * (most - least))
             x = np.linspace(least, most, usual)
-            yield sensor_law(channel, "reading", x, scale, unit_of(channel))
+            yield sensor_law(channel, "reading", x, scale, unit_of_key(channel))
             if repeats:  # what swings needs as many knots as a rig can hold, (351)
                 since = np.linspace(0.0, longest, TABLE.most)
                 far = max(noise, KNOTS.drift_share * (most - least))
-                yield sensor_law(channel, "time", since, far, unit_of(channel))
+                yield sensor_law(channel, "time", since, far, unit_of_key(channel))
     low, high = min(float(way.min()) for way in every), max(float(way.max()) for way in every)
     if high > low:
         yield friction_law("position", np.linspace(low, high, usual), "m")
@@ -214,31 +210,3 @@ def load_law(low: float, high: float, torque: float) -> Mechanism:
 
     even = (x - x[0]) / (x[-1] - x[0])
     return Mechanism("load_over_position", x, even, effect, value, "N·m", ANGLE, has_slope=True)
-
-
-def law_curve(law: FreeLaw, numbers: Vector, covariance: Matrix, coefficient: float) -> LawCurve:
-    """Return a law over its support with its 95 % band, friction as the coefficient itself; (190), (312).
-
-    Parameters
-    ----------
-    law, numbers
-        The law and its numbers [waves].
-    covariance
-        Of the logarithm of the coefficient, and of the numbers [1 + waves, 1 + waves].
-    coefficient
-        Of friction [1].
-    """
-    one, whole = law.mechanism, law.waves @ numbers
-    shape = law.waves[: one.size - one.more]
-    if one.name.startswith("friction_over"):
-        both = np.column_stack([np.ones(len(shape)), shape])
-        middle = coefficient * one.value(whole)
-        spread = NORMAL_95 * np.sqrt(np.einsum("ki,ij,kj->k", both, covariance, both))
-        low, high = middle * np.exp(-spread), middle * np.exp(spread)
-    else:
-        each = np.column_stack([one.value(unit) for unit in shape.T])
-        middle = one.value(whole)
-        spread = NORMAL_95 * np.sqrt(np.einsum("ki,ij,kj->k", each, covariance[1:, 1:], each))
-        low, high = middle - spread, middle + spread
-    x, (middle, low, high) = finer(one, middle, low, high)
-    return LawCurve(one.over, read_only(x), read_only(middle), read_only(low), read_only(high), one.unit)

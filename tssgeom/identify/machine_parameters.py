@@ -13,6 +13,7 @@ import numpy as np
 from scipy.special import ndtr
 
 from tssgeom.arrays import Vector
+from tssgeom.channel_names import unit_of_key
 from tssgeom.identify.fit import start_rig
 from tssgeom.identify.machine_run import LIMITS, MachineRun
 from tssgeom.rig import Rig
@@ -108,7 +109,7 @@ def parameters_of(runs: Sequence[MachineRun], rig: Rig, uncertain: Sequence[Unce
     if gain > 0.0:
         stated.setdefault("route.angle_gain", assumed("", 1.0, gain))
     parameters = [
-        Parameter(key, unit_of(key), prior, "share" if key.startswith(_BENDS) else "rig", key=key)
+        Parameter(key, unit_of_key(key), prior, "share" if key.startswith(_BENDS) else "rig", key=key)
         for key, prior in stated.items()
     ]
     parameters += own
@@ -154,42 +155,18 @@ def _of_run(run: MachineRun, k: int, runs: int, rig: Rig) -> Iterator[Parameter]
     for channel, values in run.measured.items():
         sd = LIMITS.zero * float(np.nanmax(values) - np.nanmin(values)) or 1.0
         middle = float(np.nanmedian(values)) - (straight if channel == "tip_z_m" else 0.0)
-        anywhere = unit_of(channel) in ("rad", "m") and abs(middle) > 3.0 * sd  # an encoder's own zero
+        anywhere = unit_of_key(channel) in ("rad", "m") and abs(middle) > 3.0 * sd  # an encoder's own zero
         centre = middle if anywhere else 0.0
         prior = Prior(centre, sd, log=False)
-        yield Parameter(f"zero of {channel}{of}", unit_of(channel), prior, "zero", k, channel)
+        yield Parameter(f"zero of {channel}{of}", unit_of_key(channel), prior, "zero", k, channel)
     if run.drive == "motor_angle_rad":
         motion = run.given["motor_angle_rad"]
         prior = Prior(float(motion[0]), LIMITS.zero * float(np.ptp(motion)), log=False)
         yield Parameter(f"zero of motor_angle_rad{of}", "rad", prior, "given zero", k, "motor_angle_rad")
-    unit = unit_of(drive_channels(run.drive, run.tendons)[0])
+    unit = unit_of_key(drive_channels(run.drive, run.tendons)[0])
     for turn, sd in enumerate(run.legs.fitted_se if run.legs is not None else ()):
         prior = Prior(0.0, sd, log=False)
         yield Parameter(f"turn {turn + 1} of the drive{of}", unit, prior, "turn", k, str(turn))
     for which in range(run.tendons):
         name = f"friction of tendon {which + 1} at the start{of}"
         yield Parameter(name, "1", Prior(0.0, 1.0, log=False), "history", k, str(which))
-
-
-def unit_of(key: str) -> str:
-    """Return the unit in which the name of a key or channel ends; that of its channel, by s, of a drift."""
-    if key.endswith(".drift_per_s"):
-        return f"{unit_of(key.removesuffix('.drift_per_s'))}/s"
-    for ending, unit in _UNITS.items():
-        if key.endswith(ending):
-            return unit
-    return "1"
-
-
-_UNITS = {
-    "_per_N": "1/N",
-    "_N_per_m": "N/m",
-    "_Nm_per_rad": "N·m/rad",
-    "_Nm_per_rad3": "N·m/rad³",
-    "_Nm": "N·m",
-    "_N": "N",
-    "_m": "m",
-    "_rad": "rad",
-    "_A": "A",
-    "_s": "s",
-}

@@ -13,12 +13,13 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 
+from tssgeom.channel_names import unit_of_key
 from tssgeom.core.constants import CHANCE
 from tssgeom.effects import KINDS, Library, snake, with_size
 from tssgeom.identify.finding import RigNumber
 from tssgeom.identify.fit import FIT
 from tssgeom.identify.machine_laws import FreeLaw
-from tssgeom.identify.machine_parameters import Parameter, unit_of
+from tssgeom.identify.machine_parameters import Parameter
 from tssgeom.identify.machine_run import LIMITS, MachineRun
 from tssgeom.identify.mechanisms import CURVE_OF, MECHANISM_OF
 from tssgeom.plausibility.limits import LIMITS as PLAUSIBLE
@@ -290,7 +291,7 @@ def _drift(channel: str, runs: Sequence[MachineRun]) -> Part:
     span = max(float(np.nanmax(each) - np.nanmin(each)) for each in measured)
     longest = max(float(np.ptp(run.given["time_s"])) for run in runs)
     prior = Prior(0.0, LIMITS.zero * (span or 1.0) / longest, log=False)
-    unit = unit_of(f"sensors.{channel}.drift_per_s")
+    unit = unit_of_key(f"sensors.{channel}.drift_per_s")
     part = _of_channel("channel_drift", channel, "drift_per_s", unit, prior)
     key, middle = f"sensors.{channel}.drift_time_s", 0.5 * longest
     ends = Number("drift_time_s", key, "s", Prior(middle, FIT.log_sd), middle, switch=False)
@@ -317,7 +318,7 @@ def _freed(each: _Choice, rig: Rig, runs: Sequence[MachineRun]) -> Part:
     prior = Prior(now, PARTS.known * now if now > 0.0 else PARTS.wide * typical, log=False)
     of_drive = now == 0.0 and each.key == "drive.play_rad"
     start = (_least_play(runs) if of_drive else 0.0) or now + 0.1 * prior.sd
-    number = Number(last, each.key, unit_of(each.key), prior, start, 0.0)
+    number = Number(last, each.key, unit_of_key(each.key), prior, start, 0.0)
     return Part(each.name, RigNumber(key=each.key), (number,), each.meaning)
 
 

@@ -263,7 +263,8 @@ def _moved(stack: Stack, k: int, rig: Rig, effects: Sequence[AnyEffect], by: Vec
     reading = stack.readings[k]
     drive = reading.given[reading.drive]
     low, high = (run_channels(reading, rig, effects, drive=drive + sign * by) for sign in (-1.0, 1.0))
-    return _difference(stack, k, low, high, 0.5)
+    moved = {name: 0.5 * (high[name] - low[name]) for name in high.keys() & low.keys()}
+    return _beyond(stack, k, moved, np.zeros(stack.size))
 
 
 def _beyond(stack: Stack, k: int, channels: Mapping[str, Vector], base: Vector) -> Vector:
@@ -272,14 +273,6 @@ def _beyond(stack: Stack, k: int, channels: Mapping[str, Vector], base: Vector) 
     for block in stack.blocks:
         if block.run == k:
             out[block.rows] = channels[block.channel][block.kept] - base[block.rows]
-    return out
-
-
-def _difference(stack: Stack, k: int, low: dict, high: dict, factor: float) -> Vector:
-    out = np.zeros(stack.size)
-    for block in stack.blocks:
-        if block.run == k:
-            out[block.rows] = factor * (high[block.channel] - low[block.channel])[block.kept]
     return out
 
 

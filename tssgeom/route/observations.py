@@ -189,14 +189,18 @@ def _checked_stations(points: Points, stations: Vector | None) -> Vector | None:
     if increasing:
         return known
     finite = known[np.isfinite(known)]
-    wrong = np.flatnonzero(np.diff(finite) < 0)
-    if wrong.size:
-        i = int(wrong[0])
+    require_increasing(finite, np.diff(finite) < 0.0)
+    return known
+
+
+def require_increasing(stations: Vector, falls: np.ndarray) -> None:
+    """Refuse stations [n] of which one falls [n - 1], with a ShapeError that names the first."""
+    if falls.any():
+        i = int(np.argmax(falls))
         raise ShapeError(
-            f"stations do not increase: {finite[i + 1]:g} m follows {finite[i]:g} m; "
+            f"stations do not increase: {stations[i + 1]:g} m follows {stations[i]:g} m; "
             "give arc length from the proximal end"
         )
-    return known
 
 
 def _sound(points: Points) -> bool:

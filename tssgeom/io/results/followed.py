@@ -11,7 +11,7 @@ import pyarrow as pa
 
 from tssgeom.adapt.offline import FollowedRun
 from tssgeom.arrays import Vector
-from tssgeom.channel_names import marked
+from tssgeom.channel_names import marked, unit_of_key
 from tssgeom.io.results.tables import field, write_table
 
 _ENDS = {
@@ -88,7 +88,9 @@ def write_numbers(path: Path, run: FollowedRun) -> None:
             series = (numbers.filtered, numbers.filtered_se, numbers.values, numbers.se)
             parts.append(np.column_stack([each[:, at] for each in series]))
         columns += list(np.concatenate(parts).T)
-        fields += [field(f"{key}_{ending}", meaning, unit=_unit(key)) for ending, meaning in NUMBERS.items()]
+        fields += [
+            field(f"{key}_{ending}", meaning, unit=unit_of_key(key)) for ending, meaning in NUMBERS.items()
+        ]
     write_table(path, _table(pa.schema(fields), columns))
 
 
@@ -107,26 +109,3 @@ def _table(schema: pa.Schema, columns: Sequence[Vector | list[Any]]) -> pa.Table
     return pa.Table.from_arrays(
         [pa.array(each, one.type, from_pandas=True) for each, one in pairs], schema=schema
     )
-
-
-_UNITS = {
-    "_Nm_per_rad": "N·m/rad",
-    "_Nm": "N·m",
-    "_A": "A",
-    "_N_per_m": "N/m",
-    "_per_N": "1/N",
-    "_N": "N",
-    "_m": "m",
-    "_rad": "rad",
-}
-
-
-def _unit(key: str) -> str:
-    """Return the unit at the end of a key, 1 where there is none."""
-    name = key.partition(".")[2]
-    if key.startswith("sensors.") and key.endswith(".zero"):
-        name = name.removesuffix(".zero")
-    for ending, unit in _UNITS.items():
-        if name.endswith(ending):
-            return unit
-    return "1"

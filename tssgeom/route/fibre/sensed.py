@@ -20,7 +20,7 @@ from tssgeom.route.fibre.models import Kinds, Sensed, kinds_of, partitions
 from tssgeom.route.fibre.noise import LEVELS, LastNoise, noises
 from tssgeom.route.fibre.route import fit_of_draws, fit_of_pieces
 from tssgeom.route.geometry import Method
-from tssgeom.route.observations import Shape
+from tssgeom.route.observations import Shape, require_increasing
 from tssgeom.route.route_fit import LOST, RouteFit
 
 MIN_GRATINGS = 3
@@ -120,13 +120,7 @@ def _checked_stations(bend: Matrix, stations: Vector | None) -> Vector:
         raise ShapeError(
             f"the station of grating {int(np.argmin(np.isfinite(s)))} is missing: give its arc length"
         )
-    wrong = np.flatnonzero(np.diff(s) <= 0.0)
-    if wrong.size:
-        i = int(wrong[0])
-        raise ShapeError(
-            f"stations do not increase: {s[i + 1]:g} m follows {s[i]:g} m; "
-            "give arc length from the proximal end"
-        )
+    require_increasing(s, np.diff(s) <= 0.0)
     return s
 
 
