@@ -36,8 +36,8 @@ class SolverSettings:
     """Fall of χ², or square of a step in standard errors, below which a fit has converged [1]; chosen: 0.2
     standard errors of one number."""
     step: float = 1e-3
-    """Step of one-sided derivatives by a logarithm or a zero [1]; derived: root of the rounding of a model,
-    1e-6."""
+    """Step of one-sided derivatives by a logarithm or a zero; share of a bound within which a number is at it
+    [1]; derived: root of the rounding of a model, 1e-6."""
     coarse_step: float = 0.02
     """Step by a number whose size is not known, in its unit [1]; chosen: beyond the kinks of friction."""
     shares: tuple[float, ...] = (1.0, 0.4, 0.15, 0.05)

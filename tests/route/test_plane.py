@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from tssgeom.route.geometry import measure
+from tssgeom.route.geometry import measure, noise_of_plane
 from tssgeom.route.observations import clean
-from tssgeom.route.plane import noise_of_plane
 from tssgeom.route.synthetic import Course, chain, half_circle, positions
 
 LENGTH, NOISE = 0.45, 2e-4

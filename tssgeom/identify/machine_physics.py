@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 import msgspec
 import numpy as np
@@ -16,20 +15,10 @@ from tssgeom.errors import FitError, SettingsError
 from tssgeom.identify.machine_evidence import FittedModel
 from tssgeom.identify.machine_problem import FIT
 from tssgeom.identify.machine_run import turns_of
+from tssgeom.least_squares import SOLVER
 from tssgeom.plausibility.limits import LIMITS as PLAUSIBLE
 from tssgeom.tendon.machine import Start, machine_of, routed
 from tssgeom.tendon.machine_simulation import drive_channels, simulate_machine
-
-
-@dataclass(frozen=True, slots=True)
-class PhysicsSettings:
-    """When a part of a machine is accepted."""
-
-    at_bound: float = 1e-3
-    """Of a bound: a number so near is at it [1]; chosen."""
-
-
-PHYSICS = PhysicsSettings()
 
 
 def refused(before: FittedModel, after: FittedModel) -> str:
@@ -56,7 +45,7 @@ def _reasons(before: FittedModel, after: FittedModel) -> Iterator[str]:
     for each, u in zip(after.problem.parameters, after.state.u, strict=True):
         value = each.value(u)
         for bound in limits.get(each.name, ()):
-            if math.isfinite(bound) and abs(value - bound) <= PHYSICS.at_bound * abs(bound):
+            if math.isfinite(bound) and abs(value - bound) <= SOLVER.step * abs(bound):
                 yield f"{each.name} goes to its bound"
     friction = [one.rig.friction.coefficient for one in (before, after)]
     if friction[1] > PLAUSIBLE.most_rig_friction >= friction[0]:

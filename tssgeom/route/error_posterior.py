@@ -45,11 +45,14 @@ class PosteriorGrid:
     """Greatest one [rad²]. Chosen: the curvature changes by 50 rad over the route."""
     sharper: float = 100.0
     """Intensity of the next derivative over that of the last one [1]. Derived: waves of 0.6 of the route."""
-    intensities: int = 14
-    """Intensities between both, each as likely. Chosen: two to a decade."""
     finest: float = 0.1
     """Least detail of a shape that counts as evidence, over the median size of the errors [1]. Chosen: below
     it neither a route nor its errors are like their models."""
+
+    @property
+    def intensities(self) -> int:
+        """Intensities between both, each as likely: two to a decade."""
+        return 1 + round(2.0 * math.log10(self.sharpest / self.gentlest))
 
     @property
     def lengths(self) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -11,6 +12,7 @@ from typing import Literal
 import numpy as np
 
 from tssgeom import core
+from tssgeom.core.constants import CHANCE
 from tssgeom.core.constants_arcs import CHAIN_MOVES
 from tssgeom.core.constants_route import SPACING
 from tssgeom.errors import FitError
@@ -36,10 +38,10 @@ from tssgeom.route.model_choice import (
     evidence_difference,
     preference,
 )
-from tssgeom.route.observations import Shape, on_chords
+from tssgeom.route.observations import NOISE_PRIOR, Shape, on_chords
 from tssgeom.route.pieces import Arcs, smooth_geometry
-from tssgeom.route.plane import noise_of_plane
 from tssgeom.route.ratio_average import averaged
+from tssgeom.route.resolution import LIMITS
 from tssgeom.route.route import Route, step_lengths, stretched
 from tssgeom.route.route_fit import Nodes, RouteFit, SharedErrors, available
 from tssgeom.route.spline.fit import fit
@@ -64,6 +66,7 @@ class ChainStart:
 
 
 START = ChainStart()
+_NOISES = 200  # that are compared across a plane, 1.05 to 1.1 apart
 _FEWEST = 5 + 1  # points of a chain: one arc in space has 5 parameters across it beside its joints
 
 
@@ -285,3 +288,33 @@ def _merged(chain: Chain, shortest: float) -> Chain:
         bend = np.vstack((bend[:lower], mean, bend[lower + 2 :]))
         joints = np.delete(joints, lower + 1)
     return unfitted(chain.start, chain.axes, joints[:-1], bend, chain.stations)
+
+
+def noise_of_plane(shape: Shape, fit: RouteFit) -> float | None:
+    """Return the noise [m] of few points that lie in a plane too exactly for that of a fit, else None.
+
+    White noise is the same in each direction. What lies in the plane is then bends, not noise. Points
+    that lie in it exactly were not sensed across it, and show nothing; docs/model.md (256), (257).
+
+    Parameters
+    ----------
+    shape
+        Validated points, whose noise is not known.
+    fit
+        Fit by a noise that was estimated.
+    """
+    points = shape.points[fit.weight > 0.0]
+    free = len(points) - 3
+    shared = fit.spline is not None and fit.spline.shared_angle_error > 0.0
+    if not shape.is_of_few or shape.directions is not None or shared or free < 1:
+        return None
+    length = float(np.sum(step_lengths(points)))
+    square = float(np.linalg.svd(points - points.mean(axis=0), compute_uv=False)[-1]) ** 2
+    share = square / (free * max(fit.noise, 1e-300) ** 2)
+    if square <= free * (LIMITS.noiseless * length) ** 2 or share >= 1.0:
+        return None
+    if free * (share - 1.0 - math.log(share)) <= CHANCE.clear**2:
+        return None
+    noise = np.geomspace(LIMITS.noiseless * length, fit.noise, _NOISES)
+    decades = np.log10(noise / (NOISE_PRIOR.typical * length)) / NOISE_PRIOR.decades
+    return float(noise[np.argmin(2.0 * free * np.log(noise) + square / noise**2 + decades**2)])

@@ -27,12 +27,15 @@ class RepeatLimits:
 
     smoothing: int = 9
     """Neighbouring waves over which the power of the errors is averaged. Chosen."""
-    tried: int = 24
-    """Resolutions, from the shortest errors that are alike to the longest. Chosen: four to an octave."""
     most_difference: float = 0.1
     """Difference of two lengths over their mean above which lines are of different routes [1]. Chosen."""
     least_agreement: float = 0.5
     """Correlation of two bends at the coarsest resolution below which they are. Chosen."""
+
+    @property
+    def tried(self) -> int:
+        """Resolutions, from the shortest errors that are alike to the longest: four to an octave."""
+        return 1 + round(4.0 * math.log2(GRID.longest / GRID.shortest))
 
 
 LIMITS = RepeatLimits()

@@ -15,6 +15,7 @@ from tssgeom.io.formats.jsonl import frame_or_refusal
 from tssgeom.io.network.addresses import Access, Endpoint, resolved
 from tssgeom.io.network.channel import READ
 from tssgeom.io.network.listener import socket_error
+from tssgeom.io.network.mailbox import LIMITS as FRAMES
 from tssgeom.io.network.mailbox import Mailbox, Sender
 from tssgeom.io.network.sources import Source
 
@@ -25,9 +26,6 @@ _LOST = 40  # SO_RXQ_OVFL of Linux: counts the datagrams without room
 class DatagramLimits:
     """Limits of a socket that receives datagrams."""
 
-    buffer_bytes: int = 1 << 22
-    """Size of the system's buffer for datagrams [bytes]; chosen: 64 of the largest. One sender has a quarter:
-    as many as its mailbox keeps."""
     reading_ns: int = 250_000
     """Time after which a socket is left for others while datagrams still wait there [ns]; derived: a
     twentieth of the 5 ms in which frames are to be answered, and enough for some 25 datagrams."""
@@ -37,6 +35,8 @@ class DatagramLimits:
 
 DATAGRAMS = DatagramLimits()
 _LARGEST = 1 << 16  # bytes of a datagram: its length is a field of 16 bits (RFC 768)
+_OF_ONE = FRAMES.waiting * _LARGEST  # bytes of the buffer of one sender: as many as its mailbox keeps
+_OF_ALL = 4 * _OF_ONE  # bytes of the buffer of all others together
 
 
 @dataclass(slots=True, eq=False)
@@ -87,7 +87,7 @@ class UdpSource(Source):
         self._mailbox, self._allowed, self._unit = mailbox, allowed, unit
         self._selector = selector
         self._peers = dict[tuple, _Peer]()
-        self._common = self._watched(sock, Sender(), DATAGRAMS.buffer_bytes)
+        self._common = self._watched(sock, Sender(), _OF_ALL)
 
     def close(self) -> None:
         """Close the sockets."""
@@ -172,7 +172,7 @@ class UdpSource(Source):
             raise
         finally:
             common.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 0)
-        return self._watched(sock, sender, DATAGRAMS.buffer_bytes // 4)
+        return self._watched(sock, sender, _OF_ONE)
 
     def _forget(self, peer: _Peer) -> None:
         if peer.own is not None:
