@@ -6,7 +6,7 @@ Source: docs/discovery.md, "Designed experiments"; docs/model.md (117).
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -16,10 +16,10 @@ from tssgeom.identify.candidate_models import CandidateModel, left_by
 from tssgeom.identify.expected_evidence import Information, shrink
 from tssgeom.identify.experiment_routes import RouteChoice, other_routes, own_routes
 from tssgeom.identify.experiment_search import EFFORT, Designed, Goal, Search, best_run, in_the_way
-from tssgeom.identify.outcomes import contrasts, outcome
+from tssgeom.identify.outcomes import contrasts
 from tssgeom.identify.prediction import Errors, Stack, errors_of, total_sigma
 from tssgeom.identify.proposal import Asked, NarrowedInterval, Proposal, ProposedRun
-from tssgeom.identify.proposal_words import either, expected_of, sentence, why
+from tssgeom.identify.proposal_words import either, run_proposed, sentence
 from tssgeom.identify.readings import Reading
 from tssgeom.identify.run_limits import KEYS, limits_of
 from tssgeom.identify.selection import name_of
@@ -115,43 +115,20 @@ def _run(name: str, design: Designed, goal: Goal[CandidateModel], total: Informa
     stack = run.problem.stack
     errors: Errors = errors_of(stack, models[0].at.rig(run.problem.rig), models[0].at.effects)
     (sigma,) = stack.split(total_sigma(errors))
-    pairs = contrasts(run, models, total)
-    drives = (run.reading.drive,)
-    outcomes = [
-        outcome(pair, (models[pair.true].name, models[pair.other].name), sigma, design.course, drives)
-        for pair in pairs
-    ]
     measured = stack.split(stack.measured)[0]
-    clearest = outcomes[0][0] if outcomes else next(iter(measured))
-    return ProposedRun(
-        name=name,
-        route=design.choice.words or design.choice.route.name,
-        like=design.choice.run,
-        new_route=design.choice.route.arcs if design.choice.words else None,
-        drives=drives,
-        time=design.course.time,
-        values=design.course.drive,
-        corner_time=design.course.corner_time,
-        corners=design.course.corner,
-        why=why(goal, total, None if goal.separates else _narrowed(goal, total)),
-        outcomes=tuple(words for _, words in outcomes),
-        expected=expected_of(goal, total),
-        channels={
-            model.name: {channel: values[channel] for channel in measured}
-            for model, values in zip(models, run.channels, strict=True)
-        },
-        differences={
-            models[pair.true if pair.true else pair.other].name: _signed(pair.difference, pair.true)
-            for pair in pairs
-        },
-        sigma=sigma,
-        clearest=clearest,
+    choice = design.choice
+    return run_proposed(
+        name,
+        (choice.words or choice.route.name, choice.run, choice.route.arcs if choice.words else None),
+        (run.reading.drive,),
+        design.course,
+        goal,
+        total,
+        None if goal.separates else _narrowed(goal, total),
+        contrasts(run, models, total),
+        [{channel: values[channel] for channel in measured} for values in run.channels],
+        sigma,
     )
-
-
-def _signed(difference: Mapping[str, np.ndarray], true: int) -> dict[str, np.ndarray]:
-    """Return a difference as that of the later model less the first."""
-    return {channel: values if true else -values for channel, values in difference.items()}
 
 
 def _in_the_way(search: Search, own: Sequence[RouteChoice], total: Information, seed: int) -> str:

@@ -29,9 +29,9 @@ from tssgeom.identify.machine_finding import MachineWork
 from tssgeom.identify.machine_prediction import Machines
 from tssgeom.identify.machine_problem import fitted_rows
 from tssgeom.identify.machine_run import MachineRun, turns_of
-from tssgeom.identify.outcomes import Contrast, outcome
+from tssgeom.identify.outcomes import Contrast
 from tssgeom.identify.proposal import Asked, NarrowedInterval, Proposal, ProposedRun
-from tssgeom.identify.proposal_words import expected_of, sentence, why
+from tssgeom.identify.proposal_words import run_proposed, sentence
 from tssgeom.identify.run_limits import RunLimits, forbidding, top_speed, within_limits
 from tssgeom.identify.selection import separable_from
 from tssgeom.identify.verdict import parameter, plain
@@ -286,36 +286,17 @@ def _run(
 
     pairs = [_contrast(best, goal, total, k, by_channel) for k in range(1, len(models))]
     sigma = {each: np.full(len(course.time), best.sigma[each]) for each in names}
-    outcomes = [
-        outcome(pair, (models[pair.true].name, models[pair.other].name), sigma, course, channels)
-        for pair in pairs
-    ]
-    narrowed = None if goal.separates else _narrowed(goal, total)
-    return ProposedRun(
-        name=name,
-        route=f"as in {like}",
-        like=like,
-        new_route=None,
-        drives=channels,
-        time=course.time,
-        values=course.drive,
-        corner_time=course.corner_time,
-        corners=course.corner,
-        why=why(goal, total, narrowed),
-        outcomes=tuple(words for _, words in outcomes),
-        expected=expected_of(goal, total),
-        channels={
-            candidate.name: by_channel(one.flat)
-            for candidate, one in zip(models, best.predicted, strict=True)
-        },
-        differences={
-            models[max(pair.true, pair.other)].name: {
-                each: values if pair.true else -values for each, values in pair.difference.items()
-            }
-            for pair in pairs
-        },
-        sigma=sigma,
-        clearest=outcomes[0][0] if outcomes else names[0],
+    return run_proposed(
+        name,
+        (f"as in {like}", like, None),
+        channels,
+        course,
+        goal,
+        total,
+        None if goal.separates else _narrowed(goal, total),
+        pairs,
+        [by_channel(one.flat) for one in best.predicted],
+        sigma,
     )
 
 

@@ -25,6 +25,7 @@ from tssgeom.identify.mechanisms import (
     Mechanism,
     friction_law,
     sensor_law,
+    speed_and_route_laws,
     speed_law,
     strain_law,
 )
@@ -155,17 +156,7 @@ def _mechanisms(
         [np.abs(np.diff(way) / np.diff(time)) for time, own in zip(times, ways, strict=True) for way in own]
     )
     fast = float(np.quantile(speeds, 0.99))
-    if fast > 0.0:
-        x = fast * np.concatenate(([0.0], np.geomspace(KNOTS.slow, 1.0, usual - 1)))
-        yield speed_law(x)
-    arcs = [each for run in runs for each in run.routes]
-    bends = np.concatenate([each.angle / each.length for each in arcs])
-    curved = bends[bends > 0.0].tolist()
-    if curved and max(curved) - min(curved) > PLAUSIBLE.slight * max(curved):
-        yield friction_law("curvature", np.linspace(min(curved), max(curved), KNOTS.over_curvature), "per_m")
-    yield friction_law(
-        "arc_length", np.linspace(0.0, min(each.total_length for each in arcs), KNOTS.along), "m"
-    )
+    yield from speed_and_route_laws(fast, [each for run in runs for each in run.routes], KNOTS)
     every = list(chain.from_iterable(ways))
     travel = max(float(np.abs(np.diff(way)).sum()) for way in every)
     repeats, longest = len(runs) > 1, max(float(np.ptp(each)) for each in times)

@@ -22,6 +22,7 @@ from tssgeom.identify.prediction import CELLS, Stack
 from tssgeom.identify.readings import Reading
 from tssgeom.plausibility.limits import LIMITS as PLAUSIBLE
 from tssgeom.rig import Rig
+from tssgeom.route.pieces import Arcs
 
 CURVE_OF = {"gain": "sensor_curve", "drift_per_s": "sensor_drift"}  # of a sensor
 MECHANISM_OF = {
@@ -186,16 +187,7 @@ def _frictions(stack: Stack, rig: Rig, knots: KnotSettings) -> Iterator[Mechanis
     least, most = _tensions(runs, rig)
     if most - least > PLAUSIBLE.slight * most:
         yield friction_law("tension", np.linspace(least, most, knots.usual), "N")
-    fast = _fastest(runs)
-    if fast > 0.0:
-        moving = np.geomspace(KNOTS.slow, 1.0, knots.usual - 1)
-        yield speed_law(fast * np.concatenate(([0.0], moving)))
-    every = np.concatenate([run.route.arcs.angle / run.route.arcs.length for run in runs])
-    curved = every[every > 0.0].tolist()
-    if curved and max(curved) - min(curved) > PLAUSIBLE.slight * max(curved):
-        yield friction_law("curvature", np.linspace(min(curved), max(curved), knots.over_curvature), "per_m")
-    length = min(run.route.arcs.total_length for run in runs)
-    yield friction_law("arc_length", np.linspace(0.0, length, knots.along), "m")
+    yield from speed_and_route_laws(_fastest(runs), [run.route.arcs for run in runs], knots)
     travel, time = max(_travel(run) for run in runs), max(float(np.ptp(run.time)) for run in runs)
     yield friction_law("travel", np.linspace(0.0, travel, knots.usual), "m")
     yield friction_law("time", np.linspace(0.0, time, knots.usual), "s")
@@ -204,6 +196,18 @@ def _frictions(stack: Stack, rig: Rig, knots: KnotSettings) -> Iterator[Mechanis
         if np.ptp(pulled) > 0.0:
             low, high = float(pulled.min()), float(pulled.max())
             yield friction_law("position", np.linspace(low, high, knots.usual), "m")
+
+
+def speed_and_route_laws(fast: float, arcs: Sequence[Arcs], knots: KnotSettings) -> Iterator[Mechanism]:
+    """Yield friction over speed up to the fastest [m/s], and over curvature and arc length of the routes."""
+    if fast > 0.0:
+        yield speed_law(fast * np.concatenate(([0.0], np.geomspace(KNOTS.slow, 1.0, knots.usual - 1))))
+    bends = np.concatenate([each.angle / each.length for each in arcs])
+    curved = bends[bends > 0.0].tolist()
+    if curved and max(curved) - min(curved) > PLAUSIBLE.slight * max(curved):
+        yield friction_law("curvature", np.linspace(min(curved), max(curved), knots.over_curvature), "per_m")
+    length = min(each.total_length for each in arcs)
+    yield friction_law("arc_length", np.linspace(0.0, length, knots.along), "m")
 
 
 def _stretches(stack: Stack, rig: Rig, knots: KnotSettings) -> Iterator[Mechanism]:

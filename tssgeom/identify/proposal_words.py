@@ -5,19 +5,81 @@ Source: docs/discovery.md, "Designed experiments".
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
+from tssgeom.arrays import Vector
 from tssgeom.identify.candidate_models import AnyCompared
 from tssgeom.identify.expected_evidence import Information
 from tssgeom.identify.experiment_search import Goal
-from tssgeom.identify.outcomes import words_of
-from tssgeom.identify.proposal import ExpectedEvidence, NarrowedInterval
+from tssgeom.identify.outcomes import Contrast, outcome, words_of
+from tssgeom.identify.proposal import ExpectedEvidence, NarrowedInterval, ProposedRun
+from tssgeom.identify.waveform import Course
+from tssgeom.route.pieces import Arcs
 
 _LARGE = 1000.0
 """ΔBIC beyond which a larger one adds no evidence [1]; chosen."""
 
 
-def expected_of(goal: Goal[AnyCompared], total: Information) -> tuple[ExpectedEvidence, ...]:
+def run_proposed(
+    name: str,
+    on: tuple[str, str, Arcs | None],
+    drives: tuple[str, ...],
+    course: Course,
+    goal: Goal[AnyCompared],
+    total: Information,
+    narrowed: NarrowedInterval | None,
+    pairs: Sequence[Contrast],
+    channels: Sequence[Mapping[str, Vector]],
+    sigma: Mapping[str, Vector],
+) -> ProposedRun:
+    """Return a run as it is reported.
+
+    Parameters
+    ----------
+    name
+        Of the run.
+    on
+        Its route in words, a run on the same route, and the route itself where it is new.
+    drives, course
+        Channels that drive, and what they do.
+    goal, total, narrowed
+        What is to be separated, what the runs up to this one add, and the interval where nothing is left.
+    pairs
+        The first model beside each other one.
+    channels, sigma
+        What each model predicts by channel, and the error of its readings [N, m, rad].
+    """
+    models = goal.models
+    outcomes = [
+        outcome(pair, (models[pair.true].name, models[pair.other].name), sigma, course, drives)
+        for pair in pairs
+    ]
+    return ProposedRun(
+        name=name,
+        route=on[0],
+        like=on[1],
+        new_route=on[2],
+        drives=drives,
+        time=course.time,
+        values=course.drive,
+        corner_time=course.corner_time,
+        corners=course.corner,
+        why=_why(goal, total, narrowed),
+        outcomes=tuple(words for _, words in outcomes),
+        expected=_expected_of(goal, total),
+        channels={model.name: own for model, own in zip(models, channels, strict=True)},
+        differences={
+            models[max(pair.true, pair.other)].name: {
+                channel: values if pair.true else -values for channel, values in pair.difference.items()
+            }
+            for pair in pairs
+        },
+        sigma=sigma,
+        clearest=outcomes[0][0] if outcomes else next(iter(channels[0])),
+    )
+
+
+def _expected_of(goal: Goal[AnyCompared], total: Information) -> tuple[ExpectedEvidence, ...]:
     """Return the expected evidence of each pair; none where there is nothing to separate."""
     if not goal.separates:
         return ()
@@ -27,7 +89,7 @@ def expected_of(goal: Goal[AnyCompared], total: Information) -> tuple[ExpectedEv
     )
 
 
-def why(goal: Goal[AnyCompared], total: Information, narrowed: NarrowedInterval | None) -> str:
+def _why(goal: Goal[AnyCompared], total: Information, narrowed: NarrowedInterval | None) -> str:
     """Say what a run does, with those before it; `narrowed` where there is nothing to separate."""
     if narrowed is not None:
         share = narrowed.expected / narrowed.half_width

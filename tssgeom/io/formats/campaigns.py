@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import codecs
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
 
 import msgspec
@@ -298,3 +298,11 @@ def _implausible(path: Path, run: Run, rig: Rig) -> list[str]:
     warnings_of(path, fit_remarks(run.columns))
     remarks = run_remarks(run.columns, rig, length=arcs.total_length, angle=arcs.total_angle)
     return [f"{run.name}: {warning}" for warning in warnings_of(path, remarks)]
+
+
+def new_names(names: Iterable[str], taken: Collection[str], folder: Path) -> dict[str, str]:
+    """Return names of runs that are taken with their new ones; SettingsError where these are taken too."""
+    new = {name: f"{folder.resolve().name}_{name}" for name in names if name in taken}
+    if again := [name for name in new.values() if name in taken]:
+        raise SettingsError(f"--with {folder}: {again[0]} is there already: name each folder once")
+    return new

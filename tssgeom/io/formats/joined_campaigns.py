@@ -14,7 +14,7 @@ import numpy as np
 from tssgeom.errors import SettingsError, SourceError
 from tssgeom.identify.campaign import Campaign, Route, Run
 from tssgeom.identify.readings import with_held_out
-from tssgeom.io.formats.campaigns import is_campaign, read_more_runs, read_run_on
+from tssgeom.io.formats.campaigns import is_campaign, new_names, read_more_runs, read_run_on
 from tssgeom.io.formats.files import CAMPAIGN
 from tssgeom.io.formats.laboratory.mapping import NO_MAP, ColumnMap
 from tssgeom.io.formats.paths import SETTINGS_BYTES, bytes_of
@@ -58,14 +58,9 @@ def with_runs(
         runs, notes = read_more_runs(folder, campaign.rig, unit, columns)
     else:
         runs, notes = _tables(campaign, folder, columns, proposals)
-    taken = {run.name for run in fixed.runs}
     shared = [_known(run, fixed, folder.name) for run in runs]
-    named = [
-        replace(run, name=f"{folder.resolve().name}_{run.name}") if run.name in taken else run
-        for run in shared
-    ]
-    if again := [run.name for run in named if run.name in taken]:
-        raise SettingsError(f"--with {folder}: {again[0]} is there already: name each folder once")
+    names = new_names([run.name for run in shared], {run.name for run in fixed.runs}, folder)
+    named = [replace(run, name=names.get(run.name, run.name)) for run in shared]
     added = f"{', '.join(run.name for run in named)}: added from {folder}"
     return replace(fixed, runs=(*fixed.runs, *named), notes=(*fixed.notes, *notes, added))
 

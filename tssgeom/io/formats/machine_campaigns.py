@@ -16,6 +16,7 @@ from tssgeom.io.formats.campaigns import (
     Listed,
     Plan,
     listing_of,
+    new_names,
     read_columns,
     read_finer_pieces,
     read_plan,
@@ -96,10 +97,7 @@ def with_machine_runs(
     listing, notes = listing_of(folder), list[str]()
     plan, rig = read_plan(listing), campaign.rig
     runs, held = _runs(listing, plan, rig, unit, columns.with_rig(rig.columns), notes)
-    taken = {run.name for run in campaign.runs}
-    names = {run.name: f"{folder.resolve().name}_{run.name}" for run in runs if run.name in taken}
-    if again := [name for name in names.values() if name in taken]:
-        raise SettingsError(f"--with {folder}: {again[0]} is there already: name each folder once")
+    names = new_names([run.name for run in runs], {run.name for run in campaign.runs}, folder)
     named = tuple(replace(run, name=names.get(run.name, run.name)) for run in runs)
     alone = campaign.runs[0].name if len(campaign.runs) == 1 else campaign.in_cycles
     last = () if alone else (campaign.runs[-1].name,)
