@@ -6,9 +6,14 @@ imported when one is asked for: programs without a notebook do not load it.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, is_dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 _PRESENTATION, _FILES = "tssgeom.api.presentation", "tssgeom.api.files"
 
@@ -94,3 +99,18 @@ class Result:
             Where the disk refuses.
         """
         return import_module(_FILES).save(self, Path(path))
+
+
+def for_json(value: Any) -> Any:
+    """Return plain objects for JSON, null instead of numbers that are not finite."""
+    if is_dataclass(value) and not isinstance(value, type):
+        value = asdict(value)
+    if isinstance(value, Mapping):
+        return {key: for_json(item) for key, item in value.items()}
+    if isinstance(value, np.ndarray):
+        return for_json(value.tolist())
+    if isinstance(value, (list, tuple)):
+        return [for_json(item) for item in value]
+    if isinstance(value, np.generic):
+        return for_json(value.item())
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from tests.route.test_ratio_average import sensors
-from tssgeom.route.bounds import polygon, polygon_of
-from tssgeom.route.geometry import measure, within_bounds
+from tssgeom.route.bounds import polygon, polygon_of, within_bounds
+from tssgeom.route.geometry import measure
 from tssgeom.route.observations import clean
 from tssgeom.route.synthetic import Course, half_circle, positions
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from tssgeom.api.presentation import drawing, presentation, table
 from tssgeom.atomic import replacing, write_text
 from tssgeom.errors import SettingsError
+from tssgeom.result import for_json
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -78,16 +78,7 @@ def save(result: object, path: Path) -> Path:
 def _json(result: object) -> str:
     of = presentation(result)
     content = table(result).to_pylist() if of.json is None else of.json(result)
-    return json.dumps(_finite(content), indent=1, ensure_ascii=False, allow_nan=False)
-
-
-def _finite(value: Any) -> Any:
-    """Replace numbers that JSON has no sign for by null."""
-    if isinstance(value, dict):
-        return {key: _finite(each) for key, each in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(each) for each in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+    return json.dumps(for_json(content), indent=1, ensure_ascii=False, allow_nan=False)
 
 
 def _save_picture(result: object, path: Path) -> None:

@@ -10,7 +10,8 @@ import numpy as np
 from tssgeom.arrays import Points, Vector
 from tssgeom.core.constants import CHANCE, ROUNDING
 from tssgeom.route.observations import Shape
-from tssgeom.route.route import step_lengths
+from tssgeom.route.route import step_lengths, stretched
+from tssgeom.route.route_fit import RouteFit
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,3 +121,17 @@ def _turns(unit: Points) -> tuple[Vector, Points]:
     change[:-1] -= aside / sine
     change[1:] += (cosine * after - before) / sine
     return np.arctan2(sine, cosine)[:, 0], change
+
+
+def within_bounds(fit: RouteFit, shape: Shape) -> RouteFit:
+    """Return a fit, with a warning where it is shorter or turns less than the polygon through its points.
+
+    Many points also show where known stations lie farther apart than they: Φ would be too great as well.
+    """
+    through = polygon_of(shape, fit.weight)
+    broken = through.broken(fit.arcs.total_length, fit.arcs.total_angle, fit.noise)
+    fit = fit if broken is None else fit.warned(broken)
+    if shape.stations is None or fit.spline is None or shape.is_of_few:
+        return fit
+    apart = stretched(fit.spline.route)
+    return fit if apart is None else fit.warned(apart)

@@ -29,7 +29,7 @@ from tssgeom.route.arcs.corners import cornered
 from tssgeom.route.arcs.moves import Budget, fit_chain
 from tssgeom.route.arcs.outliers import refitted_with_tangents, with_tangents, without_outliers
 from tssgeom.route.arcs.summary import chain_fit, chain_follows, identifiable
-from tssgeom.route.bounds import polygon_of
+from tssgeom.route.bounds import within_bounds
 from tssgeom.route.curvature_priors import turned_between
 from tssgeom.route.model_average import averaged_over_models
 from tssgeom.route.model_choice import (
@@ -42,7 +42,7 @@ from tssgeom.route.observations import NOISE_PRIOR, Shape, on_chords
 from tssgeom.route.pieces import Arcs, smooth_geometry
 from tssgeom.route.ratio_average import averaged
 from tssgeom.route.resolution import LIMITS
-from tssgeom.route.route import Route, step_lengths, stretched
+from tssgeom.route.route import Route, step_lengths
 from tssgeom.route.route_fit import Nodes, RouteFit, SharedErrors, available
 from tssgeom.route.spline.fit import fit
 from tssgeom.route.spline.spline import Spline
@@ -129,20 +129,6 @@ def _fitted(shape: Shape, noise: float | None, method: Method) -> RouteFit:
             raise
         raise FitError(f"{error} ({unordered})") from error
     return within_bounds(fit, shape)
-
-
-def within_bounds(fit: RouteFit, shape: Shape) -> RouteFit:
-    """Return a fit, with a warning where it is shorter or turns less than the polygon through its points.
-
-    Many points also show where known stations lie farther apart than they: Φ would be too great as well.
-    """
-    through = polygon_of(shape, fit.weight)
-    broken = through.broken(fit.arcs.total_length, fit.arcs.total_angle, fit.noise)
-    fit = fit if broken is None else fit.warned(broken)
-    if shape.stations is None or fit.spline is None or shape.is_of_few:
-        return fit
-    apart = stretched(fit.spline.route)
-    return fit if apart is None else fit.warned(apart)
 
 
 def _measured(shape: Shape, noise: float | None, method: Method) -> RouteFit:

@@ -14,7 +14,7 @@ import pyarrow.csv as pacsv
 
 from tssgeom.errors import ShapeError
 from tssgeom.io.formats.columns import POINT, TIME, Columns, columns_of
-from tssgeom.io.formats.longform import MOST_AT_ONCE, LongFrames, filled, lowest_point, runs_of
+from tssgeom.io.formats.longform import MOST_AT_ONCE, LongFrames
 from tssgeom.io.formats.paths import reading, require_room, stem
 from tssgeom.io.formats.recording import Frames, Recording
 from tssgeom.io.formats.tables import (
@@ -22,9 +22,12 @@ from tssgeom.io.formats.tables import (
     Table,
     as_numbers,
     convert_options,
+    filled,
+    lowest_point,
     parquet_file,
     parquet_names,
     read_options,
+    runs_of,
     slow_table,
     table_of,
 )

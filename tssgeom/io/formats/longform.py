@@ -7,21 +7,18 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tssgeom.arrays import Points, Vector, read_only
 from tssgeom.errors import ShapeError
 from tssgeom.io.formats.columns import MEASURED, POINT, TIME, of_machine
 from tssgeom.io.formats.recording import PER_METRE, Frames
-from tssgeom.io.formats.tables import Table
+from tssgeom.io.formats.tables import Rows, Table
 from tssgeom.stream import Frame, Rejected
 
 MOST_AT_ONCE = 64 << 20
 """Files up to this size are read at once [B]; a larger one is read twice, in blocks. Chosen."""
 MOST_POINTS = 100_000
 """The highest point number within a frame; chosen: a column with a higher one holds something else."""
-
-Rows = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,33 +111,6 @@ class LongFrames(Frames):
 
     def _where(self, row: int) -> str:
         return f"{self.table.number_name} {self.table.number[row]}"
-
-
-def lowest_point(table: Table) -> float:
-    """Return the lowest point number of a table; infinity where points are not numbered."""
-    numbers = table.values[POINT] if table.columns.numbered else np.zeros(0)
-    return float(np.min(numbers[np.isfinite(numbers)], initial=np.inf))
-
-
-def runs_of(table: Table) -> tuple[Rows, ...]:
-    """Return the rows of each frame: of one time each, sorted where the points are numbered."""
-    time = filled(table.values[TIME]) if table.columns.timed else np.zeros(len(table))
-    order = np.arange(len(table))
-    if table.columns.numbered:
-        order = np.lexsort((table.values[POINT], time))
-    # NaN times left over (the first rows) differ from each other: one run is made of them.
-    step = np.nan_to_num(time[order], nan=-np.inf)
-    return tuple(np.split(order, np.flatnonzero(step[1:] != step[:-1]) + 1))
-
-
-def filled(time: Vector) -> Vector:
-    """Give each row without a time the time of the row before it, so that its frame stays one."""
-    missing = np.isnan(time)
-    if not missing.any():
-        return time
-    known = np.where(missing, -1, np.arange(len(time)))
-    latest = np.maximum.accumulate(known)
-    return np.where(latest < 0, np.nan, time[latest])
 
 
 def _spread(values: Points | Vector, index: Rows) -> Points | Vector:

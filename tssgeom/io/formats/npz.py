@@ -297,9 +297,13 @@ def _arrays(path: Path) -> tuple[dict[str, Any], set[str]]:
 
 
 def _of_numbers(path: Path, array: Stored) -> Stored:
-    if array.dtype.kind not in _NUMBERS:
-        raise ShapeError(f"{path}: {array.name} holds no numbers but {array.dtype}: save float64")
+    _require_numbers(path, array.name, array.dtype)
     return array
+
+
+def _require_numbers(path: Path, name: str, kind: np.dtype[Any]) -> None:
+    if kind.kind not in _NUMBERS:
+        raise ShapeError(f"{path}: {name} holds no numbers but {kind}: save float64")
 
 
 def _text(unit: Any) -> str:
@@ -309,8 +313,7 @@ def _text(unit: Any) -> str:
 
 def _numbers(path: Path, arrays: Mapping[str, Any], name: str) -> np.ndarray:
     array = np.asarray(arrays[name])
-    if array.dtype.kind not in _NUMBERS:
-        raise ShapeError(f"{path}: {name} holds no numbers but {array.dtype}: save float64")
+    _require_numbers(path, name, array.dtype)
     return np.array(array, dtype=np.float64)
 
 

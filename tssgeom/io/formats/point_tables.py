@@ -17,18 +17,21 @@ from tssgeom.io.formats.laboratory.names import EXACT, RECORDING, is_inert, mean
 from tssgeom.io.formats.laboratory.table import LaboratoryTable, laboratory_table
 from tssgeom.io.formats.laboratory.units import UNITS
 from tssgeom.io.formats.laboratory.wide import has_size, point_columns
-from tssgeom.io.formats.longform import MOST_AT_ONCE, LongFrames, Rows, lowest_point, runs_of
+from tssgeom.io.formats.longform import MOST_AT_ONCE, LongFrames
 from tssgeom.io.formats.paths import PACKED, bytes_of, ending, reading, require_lines, size_of, split, stem
 from tssgeom.io.formats.recording import PER_METRE, Recording
 from tssgeom.io.formats.tables import (
     NO_ROW,
+    Rows,
     Table,
+    lowest_point,
     parquet_file,
     parquet_names,
     parquet_size,
     plain_names,
     read_csv,
     read_parquet,
+    runs_of,
 )
 
 _AS_COUNTED = 0.5

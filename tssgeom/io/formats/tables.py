@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from tssgeom.arrays import Vector
 from tssgeom.errors import ShapeError, SourceError, first_line
-from tssgeom.io.formats.columns import Columns, columns_of
+from tssgeom.io.formats.columns import POINT, TIME, Columns, columns_of
 from tssgeom.io.formats.paths import reading, require_room
 
 if TYPE_CHECKING:
@@ -28,6 +28,9 @@ NO_ROW = "no row of points: write one row for each point"
 _SMALL = 1 << 16
 """Size of a CSV file below which numpy reads it [B]; measured: that takes less than to import pyarrow."""
 _MISSING = ["", "nan", "NaN", "NAN", "null", "NA"]
+
+
+Rows = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -267,3 +270,30 @@ def _number(cell: str) -> float | None:
 
 def _is_number(cell: str) -> bool:
     return bool(cell) and _number(cell) is not None
+
+
+def lowest_point(table: Table) -> float:
+    """Return the lowest point number of a table; infinity where points are not numbered."""
+    numbers = table.values[POINT] if table.columns.numbered else np.zeros(0)
+    return float(np.min(numbers[np.isfinite(numbers)], initial=np.inf))
+
+
+def runs_of(table: Table) -> tuple[Rows, ...]:
+    """Return the rows of each frame: of one time each, sorted where the points are numbered."""
+    time = filled(table.values[TIME]) if table.columns.timed else np.zeros(len(table))
+    order = np.arange(len(table))
+    if table.columns.numbered:
+        order = np.lexsort((table.values[POINT], time))
+    # NaN times left over (the first rows) differ from each other: one run is made of them.
+    step = np.nan_to_num(time[order], nan=-np.inf)
+    return tuple(np.split(order, np.flatnonzero(step[1:] != step[:-1]) + 1))
+
+
+def filled(time: Vector) -> Vector:
+    """Give each row without a time the time of the row before it, so that its frame stays one."""
+    missing = np.isnan(time)
+    if not missing.any():
+        return time
+    known = np.where(missing, -1, np.arange(len(time)))
+    latest = np.maximum.accumulate(known)
+    return np.where(latest < 0, np.nan, time[latest])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, is_dataclass
 from pathlib import Path
@@ -30,6 +29,7 @@ from tssgeom.io.results.keys.findings import (
     RankedCandidate,
     Report,
 )
+from tssgeom.result import for_json
 from tssgeom.rig import write_rig
 
 REPORT, RIG = "report.json", "rig.updated.toml"
@@ -87,7 +87,7 @@ def report_object(finding: Finding, version: str) -> Report:
         "notes": list(finding.notes),
         "seconds": finding.seconds,
     }
-    return _finite(report)
+    return for_json(report)
 
 
 def _ranked(each: Candidate) -> RankedCandidate:
@@ -157,21 +157,6 @@ def _misfit(each: Misfit) -> MisfitOf:
             for channel, phases in each.by_phase.items()
         },
     }
-
-
-def _finite(value: Any) -> Any:
-    """Return plain objects for JSON, null instead of numbers that are not finite."""
-    if is_dataclass(value) and not isinstance(value, type):
-        value = asdict(value)
-    if isinstance(value, Mapping):
-        return {key: _finite(item) for key, item in value.items()}
-    if isinstance(value, np.ndarray):
-        return _finite(value.tolist())
-    if isinstance(value, (list, tuple)):
-        return [_finite(item) for item in value]
-    if isinstance(value, np.generic):
-        return _finite(value.item())
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _provenance(finding: Finding, version: str) -> list[str]:

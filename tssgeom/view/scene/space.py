@@ -183,10 +183,7 @@ def label_texts(tension_in: float, tension_out: float, arcs: Arcs) -> list[str]:
 def send_clearance(sender: Sender, run: Run, measured: Sequence[Clearance]) -> None:
     """Mark the wall where the tube touches it, and the least clearance of each frame."""
     touching = [_contact_points(one) for one in measured]
-    style = rr.Points3D.from_fields(colors=colours.CONTACT, radii=rr.Radius.ui_points(4.0))
-    sender.constant("lumen/contact", style)
-    columns = rr.Points3D.columns(positions=np.concatenate(touching))
-    sender.send("lumen/contact", columns, [len(one) for one in touching])
+    _send_points(sender, "lumen/contact", touching, colours.CONTACT, 4.0)
     _send_narrowest(sender, run, measured)
 
 
