@@ -135,3 +135,11 @@ def test_unit_option_is_for_the_stations(tmp_path):
 def test_gratings_side_by_side_are_refused_with_the_form_that_is_read(tmp_path):
     with pytest.raises(ShapeError, match="need a row for each grating, under s_mm,kappa_x_per_m"):
         opened(tmp_path, "time_s,Curvature 1 [1/cm],Curvature 2 [1/cm],Angle 1 [deg]\n0,1,2,3\n1,1,2,3\n")
+
+
+@pytest.mark.parametrize(("meant", "noise"), [("curvature_noise", 0.2), ("curvature_noise:1/mm", 200.0)])
+def test_the_noise_of_curvatures_may_be_a_column_that_is_mapped(tmp_path, meant, noise):
+    table = "s_mm,kappa_x_per_m,kappa_y_per_m,wobble\n" + rows(S, *BEND.T, np.full(4, 0.2))
+    (tmp_path / "fibre.csv").write_text(table)
+    recording = open_recording(tmp_path / "fibre.csv", None, ColumnMap([f"wobble={meant}"]))
+    assert frames(recording)[0].curvature_noise == pytest.approx(noise)
