@@ -126,7 +126,6 @@ def _sentence(each: MachineEstimate) -> str:
 
 
 def _print(paths: Sequence[Path], out: Path | None, fitted: MachineCalibration) -> None:
-    from tssgeom.identify.machine_parameters import unit_of
     from tssgeom.tendon.machine_simulation import drive_channels
 
     rows = []

@@ -95,8 +95,7 @@ class KnotSettings:
     sensor_unit: float = 5.0
     """Of the noise: unit of the error of a sensor [1]; chosen."""
     sensor_share: float = 0.01
-    """Of what was read: the same of a sensor of a machine, where it is more [1]; chosen: a wheel that is off
-    its centre by a hundredth of its radius."""
+    """Of what was read: the same for machines, where it is more [1]; chosen: a wheel a hundredth off centre."""
     drift_share: float = 0.1
     """The same over time, where it is more [1]; chosen: three swings in a run are within what is tried."""
     lag_s: float = 0.05
@@ -277,8 +276,7 @@ def _creeps(stack: Stack, rig: Rig, knots: KnotSettings) -> Iterator[Mechanism]:
 def _sensors(stack: Stack, rig: Rig, knots: KnotSettings) -> Iterator[Mechanism]:
     runs = stack.readings
     span = max(float(np.ptp(run.time)) for run in runs)
-    drive = runs[0].drive
-    for channel in dict.fromkeys((*(name for run in runs for name in run.measured), drive)):
+    for channel in dict.fromkeys((*(name for run in runs for name in run.measured), runs[0].drive)):
         columns = [run.measured.get(channel, run.given.get(channel)) for run in runs]
         read = np.concatenate([column[np.isfinite(column)] for column in columns if column is not None])
         scale = KNOTS.sensor_unit * max(run.noise.get(channel, 0.0) for run in runs)
@@ -286,7 +284,7 @@ def _sensors(stack: Stack, rig: Rig, knots: KnotSettings) -> Iterator[Mechanism]
             x = np.linspace(float(read.min()), float(read.max()), knots.usual)
             yield sensor_law(channel, "reading", x, scale, unit_of(channel))
         yield sensor_law(channel, "time", np.linspace(0.0, span, knots.usual), scale, unit_of(channel))
-    yield _lag(drive)
+    yield _lag(runs[0].drive)
 
 
 def sensor_law(channel: str, over: str, x: Vector, scale: float, unit: str) -> Mechanism:
