@@ -95,7 +95,7 @@ class KnotSettings:
     sensor_unit: float = 5.0
     """Of the noise: unit of the error of a sensor [1]; chosen."""
     sensor_share: float = 0.01
-    """Of what was read: the same for machines, where it is more [1]; chosen: a wheel a hundredth off centre."""
+    """Of what was read: the same for machines, where it is more [1]; chosen: a wheel 1 % off its centre."""
     drift_share: float = 0.1
     """The same over time, where it is more [1]; chosen: three swings in a run are within what is tried."""
     lag_s: float = 0.05
