@@ -7,6 +7,7 @@ import pytest
 from msgspec.structs import replace as changed
 
 from tests.bristle import make_campaign
+from tssgeom.identify.assembly import base_estimates
 from tssgeom.identify.drive_noise import sampled_drives
 from tssgeom.identify.fit import base_fit
 from tssgeom.identify.readings import readings
@@ -42,6 +43,22 @@ def test_errors_of_the_drive_that_last_raise_what_clean_campaigns_reach(wide_rou
     brief = replace(errors, brief=errors.sigma, lasting=0.0 * shape)
     lasting = replace(errors, brief=0.0 * errors.sigma, lasting=shape)
     assert threshold(problem, lasting, tests, 0) > 10.0 * threshold(problem, brief, tests, 0)
+
+
+def test_what_no_point_shows_of_the_form_of_a_route_is_in_the_interval_of_friction(wide_route):
+    """One route has all of it; of two alike each tells half."""
+    rig, runs = wide_route
+    _, _, fit = base_fit(runs, rig)
+    arcs = runs[0].route.arcs
+    form = replace(arcs, form_variance=(0.02 * arcs.total_angle) ** 2)
+
+    def spread(*routes):
+        friction = base_estimates(fit, rig, routes)["friction"]
+        return np.log(friction.high / friction.low) / (2.0 * 1.959964)
+
+    own = spread(replace(arcs, form_variance=0.0))
+    assert spread(form) == pytest.approx(np.hypot(own, 0.02), rel=1e-4)
+    assert spread(form, form) == pytest.approx(np.hypot(own, 0.02 / np.sqrt(2.0)), rel=1e-4)
 
 
 def test_a_drive_may_leave_a_hold_on_a_way_that_its_noise_hides():

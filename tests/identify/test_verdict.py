@@ -7,7 +7,7 @@ import pytest
 from tests.worked_finding import worked_finding
 from tssgeom.identify.finding import Estimate, Misfit
 from tssgeom.identify.misfit import held_out_change
-from tssgeom.identify.verdict import Judgement, number, sentence, times, why_unknown
+from tssgeom.identify.verdict import Judgement, closes_little, number, sentence, times, why_unknown
 
 
 def misfit(before: float, after: float) -> Misfit:
@@ -61,6 +61,14 @@ def test_parts_that_leave_much_on_fitted_and_on_held_out_runs_are_no_name(before
 def test_without_a_part_it_is_unknown_what_the_sensors_do_not_explain():
     assert why_unknown([], (1.7, 0.1), (1.7, 0.1)).startswith("1.7 times the detection limit")
     assert why_unknown([], (0.9, 3.0), (0.9, 3.0)) == ""
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "little"),
+    [(1.65, 1.55, True), (9.0, 4.0, False), (1.2, 0.7, False), (0.6, 0.6, False)],
+)
+def test_parts_that_close_less_than_half_of_what_held_out_runs_show_close_little(before, after, little):
+    assert closes_little(before, after) == little
 
 
 def test_what_the_held_out_runs_alone_show_is_not_said_to_be_outside_the_library():

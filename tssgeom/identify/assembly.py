@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import msgspec
@@ -27,6 +27,7 @@ from tssgeom.identify.selection import Selection, Step, Tried, close_candidates,
 from tssgeom.identify.ties import Tied, best_plans
 from tssgeom.identify.verdict import Judgement, why_not
 from tssgeom.rig import Rig
+from tssgeom.route.pieces import Arcs
 from tssgeom.statistics import NORMAL_95
 
 
@@ -98,15 +99,26 @@ class Work:
         return self.chosen.fit.chi2 if self.laws is None else self.laws.fit.chi2
 
 
-def base_estimates(fit: Fit, nominal: Rig) -> dict[str, Estimate]:
-    """Return friction and compliance with their 95 % intervals; the angle gain blurs friction."""
+def base_estimates(fit: Fit, nominal: Rig, routes: Iterable[Arcs]) -> dict[str, Estimate]:
+    """Return friction and compliance with their 95 % intervals; errors of angles blur friction, (115)."""
     spread = np.sqrt(np.diag(fit.covariance))[:2] * math.sqrt(max(fit.chi2 / len(fit.left), 1.0))
-    spread[0] = math.hypot(spread[0], nominal.shape.angle_gain_sd)
+    spread[0] = math.hypot(spread[0], nominal.shape.angle_gain_sd, _form_share(routes))
     both = (("friction", fit.at.friction, "1"), ("compliance_per_N", fit.at.compliance, "1/N"))
     return {
         name: Estimate(value, unit, value * math.exp(-NORMAL_95 * sd), value * math.exp(NORMAL_95 * sd))
         for (name, value, unit), sd in zip(both, spread, strict=True)
     }
+
+
+def _form_share(routes: Iterable[Arcs]) -> float:
+    """Return the s.d. of the common angle of routes by forms that no point shows, of that angle [1].
+
+    A route tells about friction as the square of its angle.
+    """
+    form = np.array([(arcs.total_angle, arcs.form_variance) for arcs in routes])
+    angle, variance = form.T
+    told = float(np.sum(angle**2))
+    return math.sqrt(float(angle**2 @ variance)) / told if told > 0.0 else 0.0
 
 
 def chosen_effects(work: Work) -> tuple[Candidate, ...]:

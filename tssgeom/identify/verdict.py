@@ -77,6 +77,8 @@ class VerdictLimits:
     """Of the detection limit: rms that may be left of any channel [1]; chosen on development seeds."""
     share: float = 0.1
     """Of what was left without any part: a larger rest has no name [1]; chosen on development seeds."""
+    closed: float = 0.5
+    """Of the misfit of held-out runs: parts that close less leave something without a name [1]; chosen."""
 
 
 VERDICT = VerdictLimits()
@@ -111,7 +113,13 @@ def judged(
         now.tried and now.tried[0].name in named and {one.name for one in close_candidates(now)} - named
         for now in chosen.steps
     )
-    return Judgement("tie" if tied else "effect", "", False)
+    little = held is not None and closes_little(held.before, held.misfit(chosen.fit.at))
+    return Judgement("tie" if tied else "partial" if little else "effect", "", False)
+
+
+def closes_little(before: float, after: float) -> bool:
+    """Whether parts leave much of the misfit of held-out runs, which is before and after [1]; (113)."""
+    return before > UNINFORMATIVE and after > max(UNINFORMATIVE, VERDICT.closed * before)
 
 
 def judged_laws(problem: Problem, base: Fit, fit: LawFit, held: HeldOut | None) -> Judgement:

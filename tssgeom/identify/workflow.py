@@ -29,14 +29,14 @@ from tssgeom.identify.fit import Fit, Problem, base_fit, columns, explained, pos
 from tssgeom.identify.law_finding import law_candidates, law_ranking
 from tssgeom.identify.law_fit import LawFit, fitted
 from tssgeom.identify.law_search import as_fit, law_promises_more, needed, searched
-from tssgeom.identify.misfit import UNINFORMATIVE, held_out, misfits, traces
+from tssgeom.identify.misfit import UNINFORMATIVE, held_out, held_out_change, misfits, traces
 from tssgeom.identify.prediction import Errors, stacked
 from tssgeom.identify.proposal import Asked
 from tssgeom.identify.readings import Reading, readings
 from tssgeom.identify.screening import detection_limits, variants
 from tssgeom.identify.selection import name_of, selected
 from tssgeom.identify.ties import base_ties, ties_of, unobservable
-from tssgeom.identify.verdict import judged, judged_laws, sentence
+from tssgeom.identify.verdict import judged, judged_laws, remainder, sentence
 from tssgeom.tendon.bars.model import Drive
 from tssgeom.threads import single_threaded
 
@@ -255,17 +255,21 @@ def _finding(campaign: Campaign, started: _Started, work: Work, attribution: Att
     all_traces = traces(runs, campaign.rig, work.base.at, fit.at)
     base_words, of_base = base_ties(fit, campaign.rig)
     tied = [*(ties_of(chosen) if work.laws is None else ()), *of_base]
-    base = base_estimates(fit, campaign.rig)
+    of_routes = {run.route.name: run.route.arcs for run in runs if not run.held_out}
+    base = base_estimates(fit, campaign.rig, of_routes.values())
     named = [name_of(effect) for effect in chosen.fit.at.effects]
     along, gains = attribution.along, attribution.gains
     shapes = missing_shapes(work.problem, work.base, along, gains) if unknown else ()
     misfit = misfits(all_traces)
     close = [name for one in tied[:1] for name in one.tie.names if name not in named]
     close = close if work.laws is None else []
+    text = sentence(verdict, effects, base, close, misfit)
+    if verdict.verdict == "partial" and not verdict.reason:  # most of what held-out runs show
+        text = f"{text} {remainder(held_out_change(misfit)[1])}"
     return Finding(
         campaign=campaign,
         verdict=verdict.verdict,
-        sentence=sentence(verdict, effects, base, close, misfit),
+        sentence=text,
         effects=effects,
         ties=tuple(one.tie for one in tied),
         breaks_tie=experiments(work, tied),

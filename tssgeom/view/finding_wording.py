@@ -186,6 +186,11 @@ def next_steps(finding: Finding) -> list[str]:
         asks = not finding.is_machine and finding.proposal is None
         more = "; --propose designs the next run" if asks else ""
         steps.append(f"Use the new rig within what the law was learnt from{more}.")
+    if not steps and finding.effects and before <= UNINFORMATIVE:
+        steps.append(
+            "It is small: the runs that were not fitted are explained without it too. Measure a run that "
+            "shows it, or keep the rig as it is."
+        )
     return steps or [
         "Measure nothing more for this finding: the refitted model explains these runs."
         if finding.verdict == "none"
@@ -198,7 +203,8 @@ def _remainder(finding: Finding) -> list[str]:
     misfit, group = finding.misfit, judged_runs(finding.misfit)
     rms = {name: each for name, each in misfit.after[group].items() if misfit.noise[name] > 0.0}
     before, after = (beyond_noise(side[group], misfit.noise) for side in (misfit.before, misfit.after))
-    if not finding.effects or not CHANCE.clear < after < before:
+    least = UNINFORMATIVE if group == "held_out" else CHANCE.clear
+    if not finding.effects or not least < after < before:
         return []
     worst = max(rms, key=lambda name: rms[name] / misfit.noise[name])
     phases = misfit.by_phase.get(worst, {})
@@ -243,6 +249,9 @@ _VARIED = {
 }
 
 
+_WORTH_A_RUN = 0.1  # share of the misfit; chosen
+
+
 def _toward_a_name(finding: Finding) -> list[str]:
     """Write what to vary, and where most of the misfit lies, where the verdict has no name."""
     steps = []
@@ -252,8 +261,8 @@ def _toward_a_name(finding: Finding) -> list[str]:
             f"Fit {names} too (held_out = false), and hold out another run: what no fitted run shows has "
             "no name."
         )
-    if finding.missing_shapes:
-        best = max(finding.missing_shapes, key=lambda shape: shape.explains)
+    best = max(finding.missing_shapes, key=lambda shape: shape.explains, default=None)
+    if best is not None and best.explains > _WORTH_A_RUN:
         steps.append(
             f"Vary {_VARIED[best.over]} and nothing else: friction that depends on it explains "
             f"{100 * best.explains:.0f} % of the misfit."
