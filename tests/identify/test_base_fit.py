@@ -46,7 +46,7 @@ def test_errors_of_the_drive_that_last_raise_what_clean_campaigns_reach(wide_rou
 
 
 def test_what_no_point_shows_of_the_form_of_a_route_is_in_the_interval_of_friction(wide_route):
-    """One route has all of it; of two alike each tells half."""
+    """One route has all of it, two alike its mean."""
     rig, runs = wide_route
     _, _, fit = base_fit(runs, rig)
     arcs = runs[0].route.arcs

@@ -100,7 +100,7 @@ class Work:
 
 
 def base_estimates(fit: Fit, nominal: Rig, routes: Iterable[Arcs]) -> dict[str, Estimate]:
-    """Return friction and compliance with their 95 % intervals; errors of angles blur friction, (115)."""
+    """Return friction and compliance with their 95 % intervals; errors of angles count in that of friction, (115)."""
     spread = np.sqrt(np.diag(fit.covariance))[:2] * math.sqrt(max(fit.chi2 / len(fit.left), 1.0))
     spread[0] = math.hypot(spread[0], nominal.shape.angle_gain_sd, _form_share(routes))
     both = (("friction", fit.at.friction, "1"), ("compliance_per_N", fit.at.compliance, "1/N"))
@@ -113,12 +113,12 @@ def base_estimates(fit: Fit, nominal: Rig, routes: Iterable[Arcs]) -> dict[str, 
 def _form_share(routes: Iterable[Arcs]) -> float:
     """Return the s.d. of the common angle of routes by forms that no point shows, of that angle [1].
 
-    A route tells about friction as the square of its angle.
+    The information of a route on friction goes with the square of its angle.
     """
     form = np.array([(arcs.total_angle, arcs.form_variance) for arcs in routes])
     angle, variance = form.T
-    told = float(np.sum(angle**2))
-    return math.sqrt(float(angle**2 @ variance)) / told if told > 0.0 else 0.0
+    information = float(np.sum(angle**2))
+    return math.sqrt(float(angle**2 @ variance)) / information if information > 0.0 else 0.0
 
 
 def chosen_effects(work: Work) -> tuple[Candidate, ...]:
