@@ -100,7 +100,7 @@ class Work:
 
 
 def base_estimates(fit: Fit, nominal: Rig, routes: Iterable[Arcs]) -> dict[str, Estimate]:
-    """Return friction and compliance with their 95 % intervals; errors of angles count in that of friction, (115)."""
+    """Return friction and compliance with their 95 % intervals; that of friction holds errors of angles."""
     spread = np.sqrt(np.diag(fit.covariance))[:2] * math.sqrt(max(fit.chi2 / len(fit.left), 1.0))
     spread[0] = math.hypot(spread[0], nominal.shape.angle_gain_sd, _form_share(routes))
     both = (("friction", fit.at.friction, "1"), ("compliance_per_N", fit.at.compliance, "1/N"))

@@ -42,8 +42,8 @@ class NoiseModelSettings:
     bends: tuple[float, ...] = (0.7, 0.5, 0.3, 0.15)
     """Of the nonlinearity: sine waves of a cell over its scale [1]; chosen on development seeds."""
     arc_modes: int = 24
-    """Directions of the covariance of a route that count; chosen: with four of 22 the interval of friction was
-    half as wide."""
+    """Directions of the covariance of a route that count; chosen: with four of 22 that of friction was half
+    as wide."""
     smoothed: float = 3.0
     """Over the median s.d. of a channel: a less exact reading is left out of its rms [1]; chosen."""
 
