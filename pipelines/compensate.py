@@ -29,7 +29,7 @@ from tssgeom.view.figures.style import choose
 
 if TYPE_CHECKING:
     from tssgeom.io.formats.runs import MeasuredRun
-    from tssgeom.io.results.keys.runs import CommandFacts, Compensated
+    from tssgeom.io.results.keys.runs import CommandFacts, Compensated, CutCommand
     from tssgeom.tendon.command import Command
 
 TABLE = "compensate.parquet"
@@ -113,7 +113,7 @@ def compensate(
         if figures is not None:
             files += [(figures / file).as_posix() for file in _write_figure(figures, run, channel, commands)]
         facts = _facts(run, commands)
-        for line in _lines(facts, len(commands), tolerance_mm):
+        for line in _lines(facts, commands, tolerance_mm):
             print_message(f"{target}: warning: {line}")
         drive = value_range([one.displacement_in for one in commands])
         tension = value_range([one.tension_in for one in commands])
@@ -173,20 +173,35 @@ def _facts(run: MeasuredRun, commands: Sequence[Command]) -> CommandFacts:
     }
 
 
-def _lines(facts: CommandFacts, count: int, tolerance_mm: float | None) -> Iterator[str]:
-    """Say which commands are cut, and which targets are out of tolerance."""
-    if cut := facts["limited"]:
-        first = cut[0]
+def _lines(facts: CommandFacts, commands: Sequence[Command], tolerance_mm: float | None) -> Iterator[str]:
+    """Say which commands are cut, where the drive lets go, and which targets are out of tolerance."""
+    count, letting_go = len(commands), sum(each.lets_go for each in commands)
+    of_both = zip(facts["limited"], (each for each in commands if each.limited), strict=True)
+    sides: dict[bool, list[CutCommand]] = {False: [], True: []}
+    for cut, command in of_both:
+        sides[command.lets_go].append(cut)
+    if sides[False]:
+        first = sides[False][0]
         yield (
-            f"{len(cut)} of {count} commands are cut by drive.limits, the first at {first['time_s']:g} s by "
-            f"{first['limits']}: {1e3 * first['displacement_reached_m']:.4g} mm and "
-            f"{first['tension_reached_N']:.4g} N are reached"
+            f"{len(sides[False])} of {count} commands are cut by drive.limits, the first at "
+            f"{first['time_s']:g} s by {first['limits']}: {_reached(first)}"
+        )
+    if letting_go:
+        first = sides[True][0]
+        yield (
+            f"{letting_go} of {count} targets are below what friction holds without any pull, so that the "
+            f"drive lets go, first at {first['time_s']:g} s: {_reached(first)}; ask for more, or give it "
+            "more time"
         )
     if (risk := facts["out_of_tolerance"]) and risk["targets"]:
         yield (
             f"{risk['targets']} of {count} targets may be missed by more than {tolerance_mm:g} mm with a "
             f"probability above 5 %, the worst at {risk['time_s']:g} s with {risk['worst']:.0%}"
         )
+
+
+def _reached(cut: CutCommand) -> str:
+    return f"{1e3 * cut['displacement_reached_m']:.4g} mm and {cut['tension_reached_N']:.4g} N are reached"
 
 
 def _write_figure(folder: Path, run: MeasuredRun, channel: str, commands: Sequence[Command]) -> list[str]:

@@ -6,7 +6,6 @@ from msgspec.structs import replace as changed
 
 from tests.effects.rig import ARCS, RIG, TEMPERATURE, TIME
 from tssgeom.effects import KINDS, StraightSectionFriction, TensionInGain, TensionInOffset, with_size
-from tssgeom.errors import SettingsError
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.command import compensate
 from tssgeom.tendon.moving import MovingRoute
@@ -61,8 +60,29 @@ def test_a_displacement_of_the_load_counts_from_the_true_pretension():
     assert reported.state.tension_out == pytest.approx(2.6 + 3.0, rel=1e-9)
 
 
-def test_a_tension_that_friction_holds_without_any_pull_is_out_of_reach():
+def test_where_friction_holds_more_than_the_target_without_any_pull_the_drive_lets_go_and_says_so():
     rig = changed(RIG, effects=(StraightSectionFriction(force_N_per_m=4.0),))
     pulled = step(pretensioned(rig), ARCS, rig, tension_in=20.0)
-    with pytest.raises(SettingsError, match=r"cannot fall to 0\.5 N in this step: 2\.\d+ N are held"):
-        compensate(pulled, ARCS, rig, tension_out=0.5)
+    near = compensate(pulled, ARCS, rig, tension_out=0.5)
+    assert (near.lets_go, near.limited, near.tension_in) == (True, "tension_N", 0.0)
+    assert near.tension_reached == step(pulled, ARCS, rig, tension_in=0.0).tension_out > 0.5
+    again = compensate(near.state, ARCS, rig, tension_out=0.4)
+    assert (again.lets_go, again.tension_reached) == (True, near.tension_reached)
+    after = compensate(again.state, ARCS, rig, tension_out=9.0)
+    assert (after.lets_go, after.limited, after.tension_reached) == (False, "", pytest.approx(9.0, rel=1e-9))
+
+
+@pytest.mark.parametrize("name", BY_SPEED)
+def test_with_friction_by_speed_a_drive_that_lets_go_is_commanded_by_position_and_the_run_goes_on(name):
+    rig = with_effect(name)
+    rig = changed(rig, effects=(*rig.effects, StraightSectionFriction(force_N_per_m=4.0)))
+    state, reached = pretensioned(rig), list[float]()
+    targets, flags = (6.0, 0.3, 0.2, 5.0), list[bool]()
+    for second, target in enumerate(targets):
+        command = compensate(state, ARCS, rig, tension_out=target, time=float(second))
+        state = command.state
+        reached.append(command.tension_reached)
+        flags.append(command.lets_go)
+    assert flags == [False, True, True, False]
+    assert reached[0::3] == pytest.approx(targets[0::3], rel=1e-9)
+    assert min(reached[1:3]) > 0.3

@@ -214,6 +214,29 @@ def test_commands_come_with_their_error_and_say_what_cut_them(run: Run, half: Pa
     assert "may be missed by more than 0.2 mm with a probability above 5 %, the worst at 2 s" in missed
 
 
+def test_targets_below_what_friction_holds_are_flagged_and_counted_and_the_others_followed(
+    run: Run, half: Path, tmp_path: Path
+):
+    rig = tmp_path / "rig.toml"
+    rig.write_text('[[effects]]\nname = "straight_section_friction"\nforce_N_per_m = 4.0\n')
+    wanted = [5.0, 0.3, 0.2, 6.0, 5.0]
+    target = write_run(tmp_path / "target.csv", time_s=[0, 1, 2, 3, 4], tension_out_N=wanted)
+    out = tmp_path / "out"
+    done = run("compensate", half, "--target", target, "--out", out, "--rig", rig, "--json")
+    rows = papq.read_table(out / "compensate.parquet").to_pydict()
+    assert done.status == 1
+    assert rows["limited"] == ["", "tension_N", "tension_N", "", ""]
+    assert rows["tension_in_N"][1:3] == [0.0, 0.0]
+    reached = rows["tension_reached_N"]
+    assert [reached[row] for row in (0, 3, 4)] == pytest.approx([5.0, 6.0, 5.0], rel=1e-9)
+    assert reached[1] == pytest.approx(reached[2], rel=1e-9)
+    assert [each["time_s"] for each in json.loads(done.out)["limited"]] == [1.0, 2.0]
+    (said,) = done.errors
+    assert "2 of 5 targets are below what friction holds without any pull, so that the drive lets go" in said
+    assert "first at 1 s" in said
+    assert f"{reached[1]:.4g} N are reached" in said
+
+
 def test_a_drive_that_may_wait_does_not_turn_for_less_than_its_error(run: Run, half: Path, tmp_path: Path):
     waited = risky(run, half, tmp_path, "--policy", "wait")[1]
     crossed = risky(run, half, tmp_path)[1]

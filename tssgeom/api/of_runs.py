@@ -165,12 +165,14 @@ def _compensation(run: Compensation) -> Numbers:
     numbers = _rows(len(run), run.time)
     if not len(run):
         return numbers
-    cut, waits = sum(bool(each.limited) for each in run), sum(each.waits for each in run)
+    letting_go, waits = sum(each.lets_go for each in run), sum(each.waits for each in run)
+    cut = sum(bool(each.limited) and not each.lets_go for each in run)
     numbers += [
         ("x_in", _range(np.array([each.displacement_in for each in run]), "mm", 1e3, 3)),
         ("T_in", _range(np.array([each.tension_in for each in run]), "N")),
     ]
     numbers += [("cut by limits", str(cut))] if cut else []
+    numbers += [("lets go", str(letting_go))] if letting_go else []
     return numbers + ([("waits", str(waits))] if waits else [])
 
 

@@ -22,7 +22,7 @@ from tssgeom.tendon.bars import base, with_effects
 from tssgeom.tendon.bars.bar_state import BarState
 from tssgeom.tendon.capstan import MOST_TENSION
 from tssgeom.tendon.command_error import DistalErrors, route_errors
-from tssgeom.tendon.drive_limits import cut_to_limits, drive_now
+from tssgeom.tendon.drive_limits import PULL, cut_to_limits, drive_now
 from tssgeom.tendon.sensor_errors import reading_of
 from tssgeom.tendon.state import (
     MOST_FRICTION,
@@ -61,7 +61,9 @@ class Command(Result):
     errors: DistalErrors
     """Standard errors of both."""
     limited: str = ""
-    """Limits of the drive that cut it, by their keys in `[drive] limits`."""
+    """Limits of the drive that cut it, by their keys in `[drive] limits`; `tension_N` also with `lets_go`."""
+    lets_go: bool = False
+    """Whether the drive pulls no more, and friction still holds more than the target at the distal end."""
     waits: bool = False
     """Whether the drive is held inside the dead zone, though the target is not reached."""
     out_of_tolerance: float | None = None
@@ -133,7 +135,8 @@ def compensate(
     """Return the least move of the drive after which the distal end is where it should be.
 
     It keeps to the rig's `[drive] limits`, and comes with the errors that the route causes; `Commander` adds
-    those of uncertain numbers of the rig.
+    those of uncertain numbers of the rig. Where friction holds more than the target without any pull, the
+    drive lets go, and the command says so.
 
     Parameters
     ----------
@@ -160,8 +163,8 @@ def compensate(
     Raises
     ------
     SettingsError
-        Where not exactly one target is given, where no proximal tension can reach it, or where the command is
-        beyond reason: docs/checks.md; where the speed is limited and `elapsed` is not given.
+        Where not exactly one target is given, where friction keeps it out of reach of any pull, or where the
+        command is beyond reason: docs/checks.md; where the speed is limited and `elapsed` is not given.
     FitError
         Where there is no equilibrium on a moving route.
 
@@ -171,7 +174,7 @@ def compensate(
     """
     move = _Move(state, arcs, rig, _target(rig, tension_out, displacement_out), time, temperature)
     now = drive_now(state, rig, position, elapsed)
-    answer, waits, limited = move.pulled(state.tension_in), False, ""
+    answer, waits, lets_go, limited = move.pulled(state.tension_in), False, False, ""
     if (error := move.error(answer)) != 0.0:
         waiting = None if may_wait is None else _waiting(move, answer)
         waits = waiting is not None and may_wait is not None and may_wait(waiting)
@@ -179,10 +182,13 @@ def compensate(
             answer = waiting
         else:
             answer = _reached(move, answer, error)
+            lets_go = answer.tension_in == 0.0 and move.error(answer) > 0.0
             if acts_by_speed(rig):
-                answer = _by_position(move, answer)
+                answer = _by_position(move, answer, lets_go=lets_go)
     if now is not None:
         answer, limited = cut_to_limits(answer, rig, now, move.pulled, move.located)
+    if lets_go and PULL not in limited:
+        limited = f"{PULL}, {limited}" if limited else PULL
     ends = transmit(answer, rig)
     require_command(rig, arcs.total_length, ends.tension_in, ends.displacement_in)
     return Command(
@@ -194,6 +200,7 @@ def compensate(
         displacement_reached=ends.displacement_out,
         errors=route_errors(state, answer, ends, rig, shared, kept),
         limited=limited,
+        lets_go=lets_go,
         waits=waits,
     )
 
@@ -229,7 +236,10 @@ def _target(rig: Rig, tension_out: float | None, displacement_out: float | None)
 
 
 def _reached(move: _Move, held: TendonState, error: float) -> TendonState:
-    """Return the state with the distal tension at the target, off by `error` [N] while the drive is held."""
+    """Return the state with the distal tension at the target, off by `error` [N] while the drive is held.
+
+    Where more is held without any pull, it is the state without; docs/model.md (214).
+    """
     sign = 1 if error < 0.0 else -1
     start = held.tension_in
     far = _answering(held, move.rig, move.target, sign)  # docs/model.md (83): exact where all slides slowly
@@ -239,16 +249,13 @@ def _reached(move: _Move, held: TendonState, error: float) -> TendonState:
             "friction keeps the target out of reach"
         )
     reach = max(sign * (far - start), _LEAST_REACH * max(start, move.target))
-    far = start + sign * reach if sign * (far - start) <= 0.0 else far
+    far = max(start + sign * reach, 0.0) if sign * (far - start) <= 0.0 else far
     answer = move.pulled(far)
     for _ in range(_WIDENINGS):  # friction that grows with speed needs more
         if sign * (error := move.error(answer)) >= 0.0:
             break
         if far == 0.0:
-            raise SettingsError(
-                f"tension_out cannot fall to {move.target:g} N in this step: {answer.tension_out:.4g} N are "
-                "held without any pull; ask for more, or give it more time"
-            )
+            return answer
         reach *= 2.0
         far = max(start + sign * reach, 0.0)
         answer = move.pulled(far)
@@ -259,10 +266,12 @@ def _reached(move: _Move, held: TendonState, error: float) -> TendonState:
     return move.pulled(_root(lambda tension_in: move.error(move.pulled(tension_in)), low, high, xtol, move))
 
 
-def _by_position(move: _Move, answer: TendonState) -> TendonState:
+def _by_position(move: _Move, answer: TendonState, *, lets_go: bool) -> TendonState:
     """Return the state reached by position: with friction by speed the way there matters; (65)."""
     near = transmit(answer, move.rig).displacement_in
     start = move.located(near)
+    if lets_go:
+        return start
     error, reach = move.error(start), _FIRST_REACH
     far, other = near, start
     for _ in range(_WIDENINGS):

@@ -11,6 +11,9 @@ from tssgeom.mechanism import NO_LIMITS
 from tssgeom.rig import Rig
 from tssgeom.tendon.state import TendonState, transmit
 
+PULL = "tension_N"
+"""Key of the limit of the pull; the drive that lets go is at its other end, 0 N."""
+
 
 @dataclass(frozen=True, slots=True)
 class DriveNow:
@@ -63,7 +66,7 @@ def cut_to_limits(
     most = limits.tension_N
     if most is not None and wanted.tension_in > most * (1.0 + ROUNDING.relative):
         wanted = pulled(most)
-        cut.append("tension_N")
+        cut.append(PULL)
     position = at = transmit(wanted, rig).displacement_in
     if limits.displacement_m is not None:
         position = within(position, *limits.displacement_m, "displacement_m", cut)
@@ -76,12 +79,8 @@ def cut_to_limits(
         position = within(position, now.position - reach, now.position + reach, "speed_m_per_s", cut)
     if position != at:
         wanted = located(position)
-        if (
-            most is not None
-            and "tension_N" not in cut
-            and wanted.tension_in > most * (1.0 + ROUNDING.relative)
-        ):
-            cut.append("tension_N")
+        if most is not None and PULL not in cut and wanted.tension_in > most * (1.0 + ROUNDING.relative):
+            cut.append(PULL)
     return wanted, ", ".join(cut)
 
 
