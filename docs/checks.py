@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from tssgeom.identify.fit_quality import FIT_TEST
+from tssgeom.identify.stated import STATED_TEST
 from tssgeom.plausibility.limits import LIMITS as PLAUSIBLE
 from tssgeom.plausibility.rules import RULES, Rule
 from tssgeom.statistics import EVIDENCE_SCALE
@@ -40,6 +41,11 @@ then usable, and `discover` names the effect. Residuals that are not white (Ljun
 p < {EVIDENCE_SCALE.false_alarms:g}) and above {FIT_TEST.sound:g} × the noise show that the model lacks
 an effect. Smaller ones also come from the bent scale of a sensor, and from a drive that turns between two
 readings. All are reported and widen the intervals; none fails the fit.
+
+Where a friction or compliance that the runs identify is more than {STATED_TEST.most_ratio:g} times what the
+rig file states, or less than 1/{STATED_TEST.most_ratio:g} of it, and its interval does not hold that, a
+warning has both: the run may not belong to the shape. A number that the file does not state, or that is
+"unknown" there, has none.
 """
 
 

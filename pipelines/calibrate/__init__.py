@@ -108,6 +108,7 @@ def calibrate(
     from tssgeom.errors import SettingsError, require_replaceable
     from tssgeom.identify import calibration
     from tssgeom.identify.rig_errors import of_calibration
+    from tssgeom.identify.stated import beside_stated
     from tssgeom.rig import write_rig
     from tssgeom.uncertain import CERTAIN
 
@@ -144,6 +145,7 @@ def calibrate(
         fitted = calibration.calibrate(
             measured, result.arcs, settings.rig, from_tension=from_tension, progress=report_step
         )
+        fitted = beside_stated(fitted, settings.rig, settings.rig_file)
         report_step("done", 1.0)
     if not any(fitted.estimates[name].observable for name in ("friction", "compliance")):
         raise SettingsError(

@@ -43,6 +43,7 @@ def calibrate_machine(
     """Fit a machine to runs, print the estimates, and write the rig."""
     from pipelines.runs import measured_run
     from tssgeom.api.machine_calls import fitted_machine
+    from tssgeom.identify.stated import beside_stated
     from tssgeom.rig import write_rig
     from tssgeom.uncertain import CERTAIN
 
@@ -50,6 +51,7 @@ def calibrate_machine(
     runs = [measured_run(path, settings) for path in paths]
     with step_progress(quiet=quiet or as_json) as report_step:
         fitted = fitted_machine(runs, arcs, settings.rig, settings.uncertain, report_step)
+        fitted = beside_stated(fitted, settings.rig, settings.rig_file)
         report_step("done", 1.0)
     for warning in fitted.warnings:
         print_message(f"{paths[0]}: warning: {warning}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -43,6 +44,7 @@ def calibrate_pieces(
     from pipelines.runs import errors_naming, measured_run
     from tssgeom.api.machine_calls import routes_of_runs
     from tssgeom.identify import calibrated_pieces
+    from tssgeom.identify.stated import beside_stated
     from tssgeom.rig import write_rig
     from tssgeom.uncertain import CERTAIN
     from tssgeom.view.figures.machine import course_figure
@@ -56,7 +58,12 @@ def calibrate_pieces(
         fits = calibrated_pieces.calibrate_pieces(
             log.name, log.columns, routes, settings.rig, settings.uncertain, every=every, progress=report_step
         )
-        pieces = list(fits)
+        pieces = [
+            piece
+            if piece.fitted is None
+            else replace(piece, fitted=beside_stated(piece.fitted, settings.rig, settings.rig_file))
+            for piece in fits
+        ]
         report_step("done", 1.0)
     for piece in pieces:
         for failure in piece.failures:

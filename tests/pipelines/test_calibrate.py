@@ -198,3 +198,54 @@ def test_only_a_run_that_an_effect_acted_on_is_said_to_lack_one(run, tmp_path, c
     outcome = run("calibrate", *inputs, "--out", tmp_path / "rig.toml", "--force", "--json")
     warnings = json.loads(outcome.out)["warnings"]
     assert any("the model lacks an effect" in each for each in warnings) is lacks
+    assert not any("what the rig states" in each for each in warnings)
+
+
+def stated(friction: float, compliance: float) -> str:
+    return f"[friction]\ncoefficient = {friction}\n[tendon]\ncompliance_per_N = {compliance}\n"
+
+
+@pytest.mark.parametrize("runs", [1, 2])
+def test_a_number_far_from_the_one_that_the_rig_states_has_a_warning_with_both(
+    run, write_run, half, tmp_path, runs
+):
+    rig = tmp_path / "stated.toml"
+    rig.write_text(stated(0.45 * MU, 2.2 * RHO))
+    inputs = (*[write_run(*ALL)] * runs, "--shape", half, "--rig", rig, "--out", tmp_path / "out", "--json")
+    outcome = run("calibrate", *inputs)
+    output = json.loads(outcome.out)
+    said = [each for each in output["warnings"] if "what the rig states" in each]
+    assert [each.split(" is fitted as ")[0] for each in said] == ["friction", "compliance"]
+    for each, before, ratio in zip(said, (0.45 * MU, 2.2 * RHO), ("2.2", "0.45"), strict=True):
+        assert f"{ratio}" in each.split(" × ")[0].split(", ")[1]
+        assert f"what the rig states, {before:.3g}: check that shape and run belong together" in each
+        assert sum(each in line for line in outcome.errors) == 1
+    if runs == 1:
+        assert "what the rig states" in (tmp_path / "out" / "calibration.json").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    "rig", ["", stated(0.6 * MU, 1.7 * RHO)], ids=["not stated", "within what wear and unlike lots change"]
+)
+def test_numbers_near_the_stated_ones_or_beside_none_have_no_such_warning(
+    run, write_run, half, tmp_path, rig
+):
+    (tmp_path / "stated.toml").write_text(rig)
+    inputs = (write_run(*ALL), "--shape", half, "--rig", tmp_path / "stated.toml")
+    output = json.loads(run("calibrate", *inputs, "--out", tmp_path / "rig.toml", "--json").out)
+    assert not any("what the rig states" in each for each in output["warnings"])
+
+
+def test_a_run_on_the_route_of_another_is_said_to_be_far_from_the_rig(run, tmp_path):
+    folder = SAMPLES / "campaign_clean"
+    inputs = (
+        folder / "loop_slow.csv",
+        "--shape",
+        folder / "route_half_circle.csv",
+        "--rig",
+        folder / "rig.toml",
+    )
+    output = json.loads(run("calibrate", *inputs, "--out", tmp_path / "x.toml", "--force", "--json").out)
+    (said,) = [each for each in output["warnings"] if "what the rig states" in each]
+    assert "friction is fitted as 0.44" in said
+    assert "3.1 × what the rig states, 0.145: check that shape and run belong together" in said

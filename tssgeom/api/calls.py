@@ -242,9 +242,11 @@ def calibrate(
     """
     from tssgeom.api.inputs import measured_of, route_of, run_of, uncertain_rig_of, warnings_of_run
     from tssgeom.identify import calibration
+    from tssgeom.identify.stated import beside_stated
     from tssgeom.route.pieces import Arcs
     from tssgeom.tendon.simulation import Measured
 
+    given = rig
     rig, uncertain = uncertain_rig_of(rig, may_be_unknown=True)
     several = isinstance(measured, list | tuple) or isinstance(arcs, list | tuple | None)
     if several or uncertain or rig.is_machine:
@@ -252,7 +254,7 @@ def calibrate(
 
         runs = [run_of(each, rig) for each in _listed(measured)]
         routes = [route_of(each, rig, unit).arcs[-1] for each in _listed(arcs)]
-        return fitted_machine(runs, routes, rig, uncertain, progress)
+        return beside_stated(fitted_machine(runs, routes, rig, uncertain, progress), rig, given)
     one: Any = measured
     route = arcs if isinstance(arcs, Arcs) else route_of(cast("Any", arcs), rig, unit).arcs[-1]
     warnings: tuple[str, ...] = ()
@@ -261,7 +263,7 @@ def calibrate(
         warnings = warnings_of_run(run, rig, route_of(route, rig), fitted=True)
         one = measured_of(run)
     fitted = calibration.calibrate(one, route, rig, from_tension=from_tension, progress=progress)
-    return replace(fitted, warnings=(*warnings, *fitted.warnings))
+    return beside_stated(replace(fitted, warnings=(*warnings, *fitted.warnings)), rig, given)
 
 
 def _listed(given: Any) -> list[Any]:
