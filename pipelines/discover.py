@@ -13,6 +13,7 @@ import typer
 
 from pipelines import tssgeom_version
 from pipelines.options import Figures, FigureStyle, Json, Map, Quiet, Unit
+from pipelines.remarks import grouped
 from pipelines.terminal import print_json, print_line, print_table, step_progress
 from tssgeom.view.figures.style import choose
 
@@ -164,7 +165,6 @@ def _write_figures(folder: Path, finding: Finding) -> None:
 def _print_table(finding: Finding, out: Path, files: Sequence[str]) -> None:
     from tssgeom.view import finding_wording as words
 
-    print_line(f"{words.VERDICTS[finding.verdict]}: {finding.sentence}")
     judged = words.judged_runs(finding.misfit)
     title = (
         f"Measured less simulated, rms, on the {_RUNS[judged]}; “before” has friction and compliance refitted"
@@ -177,6 +177,7 @@ def _print_table(finding: Finding, out: Path, files: Sequence[str]) -> None:
     print_table(title, ("channel", "sensors", "before", "after"), rows, notes=_notes(finding))
     picture = f"; picture: tssgeom view {out / PICTURE}" if PICTURE in files else ""
     print_line(f"written to {out}: {', '.join(files)}{picture}")
+    print_line(f"{words.VERDICTS[finding.verdict]}: {finding.sentence}")
 
 
 def _notes(finding: Finding) -> list[str]:
@@ -194,7 +195,7 @@ def _notes(finding: Finding) -> list[str]:
         for name, each in finding.base.items()
         if name in _BASE
     ]
-    remarks = dict.fromkeys((*finding.campaign.notes, *finding.notes))
+    remarks = grouped((*finding.campaign.notes, *finding.notes), [run.name for run in finding.campaign.runs])
     return [*notes, *([finding.base_tie] if finding.base_tie else []), *(f"note: {one}" for one in remarks)]
 
 

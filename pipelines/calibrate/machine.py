@@ -17,6 +17,7 @@ from pipelines.calibrate.report import (
     sensed_arcs,
     write_report,
 )
+from pipelines.remarks import grouped
 from pipelines.terminal import print_json, print_message, print_table, step_progress
 from tssgeom.channel_names import unit_of
 
@@ -53,7 +54,7 @@ def calibrate_machine(
         fitted = fitted_machine(runs, arcs, settings.rig, settings.uncertain, report_step)
         fitted = beside_stated(fitted, settings.rig, settings.rig_file)
         report_step("done", 1.0)
-    for warning in fitted.warnings:
+    for warning in grouped(fitted.warnings, [run.name for run in fitted.runs]):
         print_message(f"{paths[0]}: warning: {warning}")
     written = force or not fitted.failures
     summary = _object(paths, shapes, out if written else None, fitted)

@@ -9,6 +9,7 @@ import pytest
 
 from tssgeom.effects import HiddenBend
 from tssgeom.errors import SettingsError, ShapeError, SourceError, TssgeomError
+from tssgeom.identify.readings import readings
 from tssgeom.io.formats.campaigns import read_campaign
 from tssgeom.io.formats.files import find_inputs
 from tssgeom.rig import Sensor
@@ -113,10 +114,12 @@ def test_missing_values_and_unknown_sensors_are_noted(folder):
     (folder / "rig.toml").write_text(
         "[sensors.tension]\nnoise = 0.1\n[sensors.tension_in_N]\nfull_scale = 12.0\n"
     )
-    notes = read_campaign(folder).notes
+    campaign = read_campaign(folder)
+    notes = campaign.notes
     assert any("[sensors.tension] is no channel" in note for note in notes)
     assert any(note.startswith("two: tension_out_N is missing in 4 of 60 rows") for note in notes)
     assert any(note.startswith("one: tension_in_N reaches 15 N and its full scale is 12 N") for note in notes)
+    assert sum("missing" in note for note in {*readings(campaign)[1]}) == 1  # fit and reader say it alike
 
 
 def test_sensors_are_known_by_short_names_and_in_millimetres(folder):

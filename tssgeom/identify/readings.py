@@ -16,6 +16,7 @@ from tssgeom.errors import SettingsError
 from tssgeom.identify.campaign import Campaign, Route, Run
 from tssgeom.identify.drive import calmed, turning_points, with_corners
 from tssgeom.plausibility.limits import LIMITS as PLAUSIBLE
+from tssgeom.plausibility.series import missing_remarks
 from tssgeom.rig import Rig, Sensor
 from tssgeom.route.noise import STATED
 from tssgeom.statistics import reading_noise
@@ -182,13 +183,14 @@ def _read(run: Run, rig: Rig, drive: Drive) -> tuple[Reading, list[str]]:
         raise SettingsError(
             f"{run.name}: {int(kept.sum())} usable samples; give {PLAUSIBLE.fewest_rows} or more"
         )
+    answers = {name: columns[name] for name in RESPONSES if name in columns and name != drive}
+    notes += [f"{run.name}: {each.text}" for each in missing_remarks(answers)]
     measured = {}
-    for name in RESPONSES:
-        if name in columns and name != drive:
-            measured[name], about = _clean(columns[name][kept], rig.sensors.get(name, Sensor()))
-            notes += [f"{run.name}: {name}: {each}" for each in about]
-            if not np.isfinite(measured[name]).any():
-                del measured[name]
+    for name, column in answers.items():
+        measured[name], about = _clean(column[kept], rig.sensors.get(name, Sensor()))
+        notes += [f"{run.name}: {name}: {each}" for each in about]
+        if not np.isfinite(measured[name]).any():
+            del measured[name]
     if not measured:
         raise SettingsError(f"{run.name}: nothing answers the drive; measure one of {', '.join(RESPONSES)}")
     time = columns["time_s"][kept]
@@ -218,9 +220,6 @@ def _zeroed(calm: Vector, drive: Drive, noise: float) -> tuple[Vector, list[str]
 def _clean(column: Vector, sensor: Sensor) -> tuple[Vector, list[str]]:
     """Take out readings at the end of the scale."""
     out, notes = np.array(column, dtype=float), list[str]()
-    missing = int(np.isnan(out).sum())
-    if missing:
-        notes.append(f"{missing} readings are missing.")
     if sensor.full_scale > 0.0:
         over = np.abs(out) >= sensor.full_scale * (1.0 - 1e-9)
         if over.any():

@@ -170,7 +170,7 @@ def value_remarks(run: Series) -> Iterator[Remark]:
     yield from _temperature(run)
     yield from _strokes(run)
     yield from _stretch(run)
-    yield from _missing(run)
+    yield from missing_remarks(run.columns)
 
 
 def _tensions(run: Series) -> Iterator[Remark]:
@@ -262,8 +262,9 @@ def stretch_of(run: Series) -> tuple[np.ndarray | None, str]:
     return None, ""
 
 
-def _missing(run: Series) -> Iterator[Remark]:
-    for name, values in run.columns.items():
+def missing_remarks(columns: Mapping[str, Vector]) -> Iterator[Remark]:
+    """Yield a remark for each column of a run in which readings are missing."""
+    for name, values in columns.items():
         missing = int(np.count_nonzero(~np.isfinite(values)))
         if missing:
             yield remark("missing", "run", f"{name} is missing in {missing} of {len(values)} rows")

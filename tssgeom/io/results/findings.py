@@ -84,7 +84,7 @@ def report_object(finding: Finding, version: str) -> Report:
             {"name": one.run, "route": one.route, "held_out": one.held_out, "samples": len(one.time)}
             for one in finding.traces
         ],
-        "notes": list(finding.notes),
+        "notes": list(dict.fromkeys(finding.notes)),
         "seconds": finding.seconds,
     }
     return for_json(report)
