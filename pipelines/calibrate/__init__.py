@@ -140,7 +140,7 @@ def calibrate(
     read = measured_run(run, settings)
     result = analysis_of(shape.stem, shape, without_effects(settings)).results[-1]
     print_run_warnings(read, settings.rig, result.arcs, fitted=True)
-    measured = measured_of(read)
+    measured = measured_of(read, settings.rig)
     with step_progress(quiet=quiet or as_json) as report_step, errors_naming(run, shape):
         fitted = calibration.calibrate(
             measured, result.arcs, settings.rig, from_tension=from_tension, progress=report_step

@@ -87,6 +87,9 @@ def test_what_is_not_followed_is_refused():
     one = RigFilter(late_drive, [number("friction.coefficient", 0.145, 0.01)], ARCS)
     with pytest.raises(SettingsError, match="is the drive"):
         one.step(Moment(0.0, ARCS, Readings(displacement_in=0.001)))
+    late = msgspec.structs.replace(RIG, effects=(ChannelLag(lag_s=0.08, channel="distal"),))
+    with pytest.raises(SettingsError, match=r"late distal recorder is not followed: take 0\.08 s off"):
+        RigFilter(late, one.numbers, ARCS)
     law = SensorLaw(channel="tension_out_N", over="reading", x=(0.0, 10.0, 20.0), error=(0.0, 0.1, 0.4))
     with pytest.raises(SettingsError, match=r"tension_out_N over reading is not followed"):
         RigFilter(msgspec.structs.replace(RIG, effects=(law,)), one.numbers, ARCS)

@@ -4,6 +4,9 @@ import numpy as np
 import pytest
 
 from tssgeom import Frame, Rig, SettingsError, ShapeError, analyse, analyse_all, calibrate, read
+from tssgeom.effects import ChannelLag
+from tssgeom.route.pieces import Arcs
+from tssgeom.tendon.bars.model import predict
 
 ANGLE = np.linspace(0.0, np.pi, 40)
 POINTS = 0.5 / np.pi * np.column_stack((np.sin(ANGLE), 1 - np.cos(ANGLE), 0 * ANGLE))
@@ -28,6 +31,22 @@ def test_a_unit_beside_what_has_its_own_is_refused(tmp_path):
         analyse_all([Frame(POINTS)], unit="mm")
     with pytest.raises(SettingsError, match="unit is 'mm', but a FrameResult is in m"):
         calibrate({"time_s": STATIONS, "tension_in_N": STATIONS}, analyse(POINTS), Rig(), unit="mm")
+
+
+def test_an_elongation_that_is_formed_of_a_late_reading_is_late_as_a_whole():
+    rig, arcs = (
+        Rig(effects=(ChannelLag(lag_s=0.08, channel="distal"),)),
+        Arcs.exact(*np.array([[0.5], [np.pi]])),
+    )
+    time = np.linspace(0.0, 24.0, 1200)
+    run = {"time_s": time, "tension_in_N": 10.0 + 8.0 * np.sin(time - 0.5 * np.pi)}
+    read = predict(run, arcs, rig)
+    run |= {name: read[name] for name in ("tension_out_N", "displacement_in_m", "displacement_out_m")}
+    known = calibrate(run, arcs, rig).estimates
+    assert known["friction"].value == pytest.approx(rig.friction.coefficient, rel=1e-3)
+    assert known["compliance"].value == pytest.approx(rig.tendon.compliance_per_N, rel=1e-3)
+    now = calibrate(run, arcs, Rig()).estimates["compliance"].value
+    assert abs(now / rig.tendon.compliance_per_N - 1.0) > 0.01
 
 
 @pytest.mark.parametrize("wrong", ["15", None, [1.0, 2.0]])

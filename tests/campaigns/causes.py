@@ -96,6 +96,14 @@ def _lag(size: float, rng: np.random.Generator, length: float) -> Change:
     return Change({"lag_s": lag, "channel": channel}, sensors={channel: {"lag_s": lag}})
 
 
+def _late_recorder(size: float, rng: np.random.Generator, length: float) -> Change:
+    """All distal channels come from another recorder, whose clock is 60 to 100 ms late."""
+    delay = size * 0.08 * rng.uniform(0.75, 1.25)
+    channels = ("tension_out_N", "elongation_m", "displacement_out_m")
+    late: dict[str, dict[str, object]] = {name: {"delay_s": delay} for name in channels}
+    return Change({"lag_s": delay, "channel": "distal"}, sensors=late)
+
+
 def _crosstalk(size: float, rng: np.random.Generator, length: float) -> Change:
     share = size * _amplitude(rng, 0.02, signed=True)
     return Change({"share": share}, sensors={"tension_out_N": {"crosstalk": {"tension_in_N": share}}})
@@ -129,6 +137,9 @@ INSIDE: dict[str, Cause] = {
     "load_cell_crosstalk": _crosstalk,
 }
 """The library's effects, by name."""
+
+CHOICES: dict[str, Cause] = {"late_recorder": _late_recorder}
+"""Effects of the library with a choice that is not in the benchmark."""
 
 
 def _stribeck(size: float, rng: np.random.Generator, length: float) -> Change:

@@ -8,7 +8,7 @@ from pathlib import Path as File
 
 import numpy as np
 
-from tests.campaigns.causes import INSIDE, OUTSIDE, Change
+from tests.campaigns.causes import CHOICES, INSIDE, OUTSIDE, Change
 from tests.campaigns.drives import COURSES, SLOW, timed
 from tests.campaigns.files import write
 from tests.campaigns.instruments import SPECIFIED, observed
@@ -164,7 +164,7 @@ def _rig(seed: int, effects: tuple[str, ...], size: float, split: str) -> Rig:
         distal=Distal("spring", round(rng.uniform(3000.0, 8000.0), -2)),
         angle_gain=1.0 + 0.005 * float(np.clip(rng.standard_normal(), -2.0, 2.0)),
         routes=(makers[0](length, rng), makers[1](length, rng), makers[2](length, rng)),
-        changes=tuple((INSIDE | OUTSIDE)[name](size, rng, length) for name in effects),
+        changes=tuple((INSIDE | OUTSIDE | CHOICES)[name](size, rng, length) for name in effects),
     )
 
 
@@ -232,7 +232,7 @@ def _truth(rig: Rig, names: Iterable[str], size: float, plan: str, split: str, s
     reported = {name: change.parameters for name, change in zip(effects, rig.changes, strict=True)}
     return Truth(
         effects=effects,
-        known=all(name in INSIDE for name in effects),
+        known=all(name in INSIDE | CHOICES for name in effects),
         parameters=reported,
         friction=float(rig.friction),
         compliance_per_N=float(rig.compliance),

@@ -23,7 +23,7 @@ from tssgeom.effects import (
     ViscousDrag,
     with_size,
 )
-from tssgeom.effects.kinds import Bend, Setup
+from tssgeom.effects.kinds import DISTAL, Bend, Setup
 from tssgeom.errors import FitError, SettingsError
 from tssgeom.identify.drive import calmed
 from tssgeom.rig import Load, Rig, Tendon
@@ -182,6 +182,36 @@ def test_play_of_the_load_is_read_at_both_channels_of_its_way_and_behind_a_lag()
     assert np.abs(whole - read[out]).max() > 1e-5
 
 
+@pytest.mark.parametrize("delay", [0.05, 0.5, 3.0])
+def test_a_late_recorder_reads_all_distal_channels_as_they_were(delay):
+    true, late = modelled(POSITION), ChannelLag(lag_s=delay, channel="distal")
+    read = modelled(POSITION, late)
+    for name in CHANNELS:
+        was = np.interp(TIME - delay, TIME, true[name]) if name in DISTAL else true[name]
+        assert read[name] == pytest.approx(was, abs=1e-12)
+    model = prepare(RUNS[POSITION], ARCS, RIG, [late])
+    state, parts = begin(model), list[dict[str, np.ndarray]]()
+    for rows in (slice(1), slice(1, 2), slice(2, 40), slice(40, None)):
+        trace, state = carry_on(model, state, {name: each[rows] for name, each in RUNS[POSITION].items()})
+        parts.append(trace.channels)
+    for name in CHANNELS:
+        whole = np.concatenate([each[name] for each in parts])
+        assert whole == pytest.approx(read[name], abs=1e-9)  # times are added up from another start
+
+
+def test_a_late_recorder_stores_what_a_filter_has_left_of_a_channel():
+    slow, late = ChannelLag(lag_s=0.4), ChannelLag(lag_s=0.5, channel="distal")
+    filtered = modelled(POSITION, slow)["tension_out_N"]
+    model = prepare(RUNS[POSITION], ARCS, RIG, [slow, late])
+    first, second = (
+        {name: each[rows] for name, each in RUNS[POSITION].items()} for rows in (slice(40), slice(40, None))
+    )
+    begun, state = carry_on(model, begin(model), first)
+    rest, _ = carry_on(model, state, second)
+    read = np.concatenate([each.channels["tension_out_N"] for each in (begun, rest)])
+    assert read == pytest.approx(np.interp(TIME - 0.5, TIME, filtered), abs=1e-9)
+
+
 @pytest.mark.parametrize(("at", "width"), [(0.0, 0.02), (0.25, 0.02), (0.5, 0.02), (0.2, 1e-6), (0.7, 0.02)])
 def test_a_hidden_bend_keeps_the_length_and_adds_its_angle(at, width):
     setup = Setup(0.1, 1e-4, 0.0, 1e3, bends=(Bend(at, 0.6, width),))
@@ -216,6 +246,11 @@ def test_bars_follow_bends_and_begin_small():
             r"tension_in_N is missing in sample 2",
         ),
         ({"time_s": TIME, FORCE: TIME}, (ChannelLag(lag_s=0.1), ChannelLag(lag_s=0.2)), r"lags twice"),
+        (
+            {"time_s": TIME, FORCE: TIME},
+            (ChannelLag(lag_s=0.1, channel="distal"), ChannelLag(lag_s=0.2, channel="distal")),
+            r"distal lags twice",
+        ),
     ],
 )
 def test_a_run_that_cannot_be_gone_through_is_refused(run, effects, reported):

@@ -263,6 +263,22 @@ def test_a_saved_state_goes_on_with_a_sensor_that_lags_since():
     assert step(again, ARCS, rig, tension_in=9.5, time=3.0).tension_out > after.tension_out
 
 
+def test_a_stream_reads_what_a_late_recorder_stores_and_goes_on_after_a_restart():
+    rig, spans = with_effects(ChannelLag(lag_s=0.25, channel="distal")), 0.1 * np.arange(12)
+    pulled = 5.0 + 10.0 * spans * (1.0 - spans / 1.1)
+    state, true, read = pretensioned(rig), list[float](), list[float]()
+    for time, pull in zip(spans, pulled, strict=True):
+        state = step(state, ARCS, rig, tension_in=float(pull), time=float(time))
+        true.append(state.tension_out)
+        read.append(readings(state, rig)["tension_out_N"])
+        state = state_of(json.loads(json.dumps(state_object(state))))
+    assert read == pytest.approx(np.interp(spans - 0.25, spans, true), abs=1e-12)
+    wrong = state_object(state)
+    wrong["along"]["lags"]["tension_out_N"] = [5.0, 5.0, 0.1]
+    with pytest.raises(SettingsError, match="lags"):
+        state_of(wrong)
+
+
 def test_the_error_of_a_loose_tendon_is_none():
     rig = changed(RIG, tendon=Tendon(pretension_N=1.5), effects=(VelocityDependentFriction(gain=0.3),))
     result = transmit(step(pretensioned(rig), ARCS, rig, tension_in=0.0, time=0.0), rig)

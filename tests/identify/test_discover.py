@@ -52,6 +52,16 @@ def test_a_cause_is_named_whatever_the_drive(result, campaign, plan, name):
         assert finding.effects[0].parameters[0][key].value == pytest.approx(value, rel=0.1)
 
 
+@pytest.mark.parametrize("seed", [0, 1])  # with x_out, and with a measured elongation
+def test_a_late_recorder_of_all_distal_channels_is_separated_from_a_lag_of_one(result, campaign, seed):
+    for name, rel in (("late_recorder", 0.01), ("channel_lag", 0.03)):
+        finding, truth = result(seed, name), campaign(seed, name)[1]
+        (one,) = finding.effects
+        assert one.effects[0].channel == truth.parameters[name]["channel"]
+        assert one.parameters[0]["lag_s"].value == pytest.approx(truth.parameters[name]["lag_s"], rel=rel)
+        assert finding.rig.friction.coefficient == pytest.approx(truth.friction, rel=0.02)
+
+
 def test_both_of_a_pair_are_named(result):
     pair = ("creep", "tension_out_offset")
     assert {one.names[0] for one in result(0, pair).effects} == {*pair}

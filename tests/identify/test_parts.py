@@ -66,7 +66,12 @@ def test_the_threshold_is_that_of_its_seed_and_no_lower_than_ten(fitted):
 def test_a_lag_is_tried_of_each_channel_that_answers_and_not_of_the_drive(fitted):
     (reading, *_) = fitted[0].stack.readings
     lags = [each.effect.channel for each in variants(stacked([reading]))[0] if each.name == "channel_lag"]
-    assert sorted(lags) == sorted({*reading.measured} - {reading.drive})
+    assert sorted(lags) == sorted(({*reading.measured} - {reading.drive}) | {"distal"})
+    alone = {
+        name: each for name, each in reading.measured.items() if name in ("tension_in_N", "tension_out_N")
+    }
+    tried = variants(stacked([replace(reading, measured=alone)]))[0]
+    assert "distal" not in {each.effect.channel for each in tried if each.name == "channel_lag"}
 
 
 @pytest.mark.parametrize(("noise", "verdict"), [(1.0, "effect"), (3.0, "partial")])

@@ -27,6 +27,8 @@ class Sensor:
 
     lag_s: float = 0.0
     """Time constant of a first-order lag [s]."""
+    delay_s: float = 0.0
+    """How late the clock of its recorder is [s]; before its start the channel stands still."""
     crosstalk: Mapping[str, float] = field(default_factory=dict)
     """What one unit of another channel adds [this channel's unit per unit of that]."""
     gain: float = 1.0
@@ -67,7 +69,8 @@ def measure_machine(run: MachineRun, sensors: Mapping[str, Sensor], seed: int) -
 
 
 def _measured(times: np.ndarray, truth, sensors, streams) -> dict[str, np.ndarray]:
-    lagged = {name: _lag(times, truth[name], sensor.lag_s) for name, sensor in sensors.items()}
+    late = {name: np.interp(times - sensor.delay_s, times, truth[name]) for name, sensor in sensors.items()}
+    lagged = {name: _lag(times, late[name], sensor.lag_s) for name, sensor in sensors.items()}
     columns = {"time_s": times.copy()}
     for name, sensor in sensors.items():
         rng = np.random.default_rng(streams[name])

@@ -99,6 +99,12 @@ def test_lag_delays_a_ramp_by_its_time_constant(run):
     )  # e^-20 of the start is left
 
 
+def test_a_late_recorder_reads_what_was(run):
+    delayed = observed(run, delay_s=0.1)
+    assert delayed[0] == run.tension_in[0]
+    assert delayed == pytest.approx(np.interp(run.times - 0.1, run.times, run.tension_in), abs=1e-12)
+
+
 def test_crosstalk_adds_a_share_of_the_other_channel(run):
     read = observed(run, "tension_out_N", crosstalk={"tension_in_N": 0.03})
     assert read == pytest.approx(run.tension_out + 0.03 * run.tension_in, abs=1e-12)

@@ -1,6 +1,6 @@
 """The filter that follows a rig of one tendon, and its sensors, whose readings may depend on earlier ones.
 
-Source: docs/model.md (62), (200) to (205), (319), (338).
+Source: docs/model.md (62), (200) to (205), (319), (338), (353).
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class TendonSensors:
     Raises
     ------
     SettingsError
-        Where a sensor has a law of its own, which is not followed.
+        Where a sensor has a law of its own, or the distal recorder is late, which is not followed.
     """
 
     def __init__(self, setup: Setup, keys: Sequence[str]) -> None:
@@ -55,6 +55,11 @@ class TendonSensors:
                 raise SettingsError(
                     f"effects.sensor_law: {channel} over {over} is not followed: leave it out"
                 )
+        if setup.distal_delay_s > 0.0:
+            raise SettingsError(
+                "effects.channel_lag: a late distal recorder is not followed: take "
+                f"{setup.distal_delay_s:g} s off the times of its columns, and leave the effect out"
+            )
         self._late = [(CHANNELS.index(name), lag) for name, lag in setup.lags if name in CHANNELS]
         self._play = setup.load_play_m
         self._first = list(keys).index(LAG) if LAG in keys else -1

@@ -261,7 +261,7 @@ def calibrate(
     if not isinstance(one, Measured):
         run = run_of(one, rig)
         warnings = warnings_of_run(run, rig, route_of(route, rig), fitted=True)
-        one = measured_of(run)
+        one = measured_of(run, rig)
     fitted = calibration.calibrate(one, route, rig, from_tension=from_tension, progress=progress)
     return beside_stated(replace(fitted, warnings=(*warnings, *fitted.warnings)), rig, given)
 

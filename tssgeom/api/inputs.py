@@ -26,6 +26,8 @@ from tssgeom.plausibility.runs import run_remarks
 from tssgeom.rig import Rig, read_rig, read_uncertain_rig
 from tssgeom.route.pieces import Arcs
 from tssgeom.stream import Frame, FrameResult, Rejected
+from tssgeom.tendon.bars.model import setup_of
+from tssgeom.tendon.bars.sensors import recorded_late
 from tssgeom.tendon.commander import Commander, carried_errors
 from tssgeom.tendon.machine import route_of_rig
 from tssgeom.tendon.moving import MovingRoute
@@ -288,13 +290,14 @@ def temperature_of(run: MeasuredRun, rig: Rig) -> Vector | None:
     return run.channel(("temperature_C",))[1]
 
 
-def measured_of(run: MeasuredRun) -> Measured:
-    """Return the columns of a run as `calibrate` takes them."""
+def measured_of(run: MeasuredRun, rig: Rig) -> Measured:
+    """Return the columns of a run as `calibrate` takes them; docs/model.md (353)."""
     from tssgeom.tendon.simulation import Measured
 
     elongation = run.elongation
     if elongation is None and run.displacement_in is not None and run.displacement_out is not None:
-        elongation = run.displacement_in - run.displacement_out  # docs/model.md (44)
+        delay = setup_of(rig).distal_delay_s  # an elongation is late as a whole
+        elongation = recorded_late(run.time, run.displacement_in, delay) - run.displacement_out  # (44)
     return Measured(
         run.time, run.tension_in, run.displacement_in, run.tension_out, elongation, run.temperature
     )

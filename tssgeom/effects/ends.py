@@ -1,10 +1,10 @@
 """Effects at both ends of a run: its pretension, the backlash of the drive, and the sensors.
 
-Source: docs/model.md (59), (61), (62).
+Source: docs/model.md (59), (61), (62), (353).
 """
 
 from dataclasses import replace
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 from tssgeom.effects.kinds import ANSWERS, LOSSES, PATHS, Channel, Effect, Hook, Parameter, Setup, Tie
 from tssgeom.errors import SettingsError
@@ -154,15 +154,16 @@ class TensionOutOffset(Effect, frozen=True):
 
 
 class ChannelLag(Effect, frozen=True):
-    """One channel passes a first-order filter before it is stored; docs/model.md (62).
+    """One channel passes a first-order filter before it is stored, or all distal channels are recorded late.
 
-    Source: low-pass filter of an amplifier. The drive's own channel cannot lag: what it reads is what drives.
+    Equation: docs/model.md (62), (353). Source: low-pass filter of an amplifier; two clocks. The drive's own
+    channel cannot lag: what it reads is what drives.
     """
 
     lag_s: float
-    """Time constant [s]."""
-    channel: Channel = "tension_out_N"
-    """The channel that lags."""
+    """Time constant of the filter, or how late the recorder is [s]."""
+    channel: Channel | Literal["distal"] = "tension_out_N"
+    """The channel that lags; `distal`: T_out, x_out and a measured elongation are late by one time."""
 
     hook: ClassVar[Hook] = "observation"
     by_force: ClassVar[tuple[Channel, ...]] = LOSSES
@@ -171,6 +172,10 @@ class ChannelLag(Effect, frozen=True):
 
     def on(self, setup: Setup) -> Setup:
         """Return the setup with this effect in it; raises SettingsError where the channel lags already."""
+        if self.channel == "distal":
+            if setup.distal_delay_s > 0.0:
+                raise SettingsError("effects.channel_lag: distal lags twice; give one lag_s [s]")
+            return replace(setup, distal_delay_s=self.lag_s)
         if any(channel == self.channel for channel, _ in setup.lags):
             raise SettingsError(f"effects.channel_lag: {self.channel} lags twice; give one lag_s [s]")
         if self.lag_s == 0.0:

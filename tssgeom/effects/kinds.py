@@ -34,6 +34,8 @@ ANSWERS: tuple[Channel, ...] = (
     "displacement_out_m",
 )
 """Channels that answer when the proximal position is given."""
+DISTAL: tuple[Channel, ...] = ("tension_out_N", "displacement_out_m", "elongation_m")
+"""Channels that a recorder at the distal end stores."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,6 +162,8 @@ class Setup:
     load_play_m: float = 0.0
     lags: tuple[tuple[Channel, float], ...] = ()
     """Channel and time constant [s] of each lag."""
+    distal_delay_s: float = 0.0
+    """How late the recorder of all distal channels is."""
 
     curves: tuple[Curve, ...] = ()
     """Laws that are no formula; docs/model.md (185) to (188)."""

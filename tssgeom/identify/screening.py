@@ -16,7 +16,8 @@ from msgspec.structs import replace as changed
 
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.effects import KINDS, Library, with_size
-from tssgeom.effects.ends import Backlash
+from tssgeom.effects.ends import Backlash, ChannelLag
+from tssgeom.effects.kinds import DISTAL
 from tssgeom.errors import FitError, SettingsError
 from tssgeom.identify.fit import Fit, Free, Point, Problem, columns, freed, refined
 from tssgeom.identify.prediction import CELLS, Errors, Stack
@@ -65,8 +66,9 @@ class Variant:
 
     @property
     def law(self) -> str:
-        """One of several laws of the effect; empty where it has one."""
-        return getattr(self.effect, "law", "")
+        """One of several laws of the effect, as of a lag a late recorder; empty where it has one."""
+        late = isinstance(self.effect, ChannelLag) and self.effect.channel == "distal"
+        return "distal" if late else getattr(self.effect, "law", "")
 
     def sized(self, amplitude: float) -> Library:
         """Return the effect at another amplitude, within its bounds."""
@@ -110,8 +112,10 @@ def _started(name: str, effect: Library, stack: Stack, channels: set[str]) -> It
         length = min(reading.route.arcs.total_length for reading in stack.readings)
         yield from (changed(effect, at_m=float(share * length)) for share in _POSITIONS)
     elif name == "channel_lag":
-        answers = [channel for channel in channels if channel != stack.readings[0].drive]
-        yield from (changed(effect, channel=channel) for channel in sorted(answers))
+        answers = sorted(channel for channel in channels if channel != stack.readings[0].drive)
+        several = len(channels & set(DISTAL)) > 1
+        late = (*answers, "distal") if several else answers
+        yield from (changed(effect, channel=channel) for channel in late)
     elif name == "presliding":
         yield from (changed(effect, law=law) for law in ("prandtl", "dahl"))
     elif name == "slack_take_up":

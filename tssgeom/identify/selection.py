@@ -121,7 +121,7 @@ def step(
 
 
 def _best_tests(score: Screening) -> list[ScoreTest]:
-    """Return the variant of each effect that promises most; of an end fitting and of presliding both laws."""
+    """Return the best variant of each effect; of an end fitting, presliding and a lag that of both laws."""
     best: dict[tuple[str, str, str], ScoreTest] = {}
     for test in score.tests:
         key = (test.variant.name, test.variant.amplitude, test.variant.law)

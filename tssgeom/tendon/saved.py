@@ -180,8 +180,15 @@ def _check_bars(along: BarState) -> None:
     require(math.isfinite(along.span), "span")
     require(isinstance(along.front, int), "front")
     require(isinstance(along.by_force, bool), "by_force")
-    lagging = np.array(list(along.lags.values()))
-    require(along.lags.keys() <= set(CHANNELS) and bool((np.abs(lagging) <= _MOST).all()), "lags")
+    require(along.lags.keys() <= set(CHANNELS) and all(map(_may_lag, along.lags.values())), "lags")
+
+
+def _may_lag(kept: tuple[float, ...]) -> bool:
+    """Whether a sensor may have kept these numbers: two, then ages and values, the oldest first; (353)."""
+    pairs = np.array(kept)
+    if pairs.ndim != 1 or len(pairs) < 2 or len(pairs) % 2 or not (np.abs(pairs) <= _MOST).all():
+        return False
+    return bool((np.diff(pairs[2::2]) <= 0.0).all() and (pairs[2::2] >= 0.0).all())
 
 
 def numbers(values: Any, *size: int) -> bool:
@@ -238,7 +245,7 @@ def _bars(saved: Mapping[str, Any], route: Arcs | None) -> BarState:
     if cut is not None:
         cut = route if cut == _ROUTE else _revived(Arcs, cut)
         require(cut is not None, "cut")
-    lags = {channel: (float(true), float(read)) for channel, (true, read) in saved["lags"].items()}
+    lags = {channel: tuple(map(float, kept)) for channel, kept in saved["lags"].items()}
     others = {name: value for name, value in saved.items() if name != "rest"}
     rest = {"memory": _memory(saved), "cut": cut, "lags": lags}
     return _revived(BarState, {**others, **rest, "temperature": _or_nan(saved["temperature"])})

@@ -28,7 +28,7 @@ BARS = 60
 """Bars of a tendon without effects, where nothing else is asked for."""
 AT_LIMIT = 0.99
 """Share of the friction bound from which a contact slides [1]. Chosen: bars are solved to 1e-10."""
-_NO_LAGS: Mapping[Channel, tuple[float, float]] = {}
+_NO_LAGS: Mapping[Channel, tuple[float, ...]] = {}
 
 
 class BarState(NamedTuple):
@@ -64,8 +64,8 @@ class BarState(NamedTuple):
     """Time that the last step took [s]."""
     temperature: float = math.nan
     """The first temperature that was given [°C]; NaN before it."""
-    lags: Mapping[Channel, tuple[float, float]] = _NO_LAGS
-    """Last true value and last reading of each sensor that lags."""
+    lags: Mapping[Channel, tuple[float, ...]] = _NO_LAGS
+    """Last true value and reading of each sensor that lags, and what a late recorder has still to read."""
     front: int = 0
     """Contacts, from the proximal end on, that slid when the drive last moved; 0 without effects."""
     model: Model | None = None

@@ -1,4 +1,7 @@
-"""What the sensors of a rig read: gains, zeros, crosstalk, play, lags; docs/model.md (61), (62), (319)."""
+"""What the sensors of a rig read: gains, zeros, crosstalk, play, lags, a late recorder.
+
+Source: docs/model.md (61), (62), (319), (353).
+"""
 
 from collections.abc import Mapping
 from typing import Literal, TypeAlias, get_args
@@ -8,14 +11,16 @@ import numpy as np
 from tssgeom import core
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.effects import Channel, Setup
+from tssgeom.effects.kinds import DISTAL
 from tssgeom.effects.laws import curve_at
 from tssgeom.errors import SettingsError
 
 CHANNELS: tuple[Channel, ...] = get_args(Channel)
 """What sensors read of a run."""
 Drive = Literal["tension_in_N", "displacement_in_m"]
-Lags: TypeAlias = Mapping[Channel, tuple[float, float]]
-"""Last value and last reading of each channel that lags or has play; empty before the first sample."""
+Lags: TypeAlias = Mapping[Channel, tuple[float, ...]]
+"""Last value and last reading of each channel that lags, has play or is recorded late, of the last
+also age [s] and value of what is still to be read, the oldest first; empty before the first sample."""
 _BEHIND_PLAY: tuple[Channel, ...] = ("displacement_out_m", "elongation_m")
 
 
@@ -44,7 +49,7 @@ def err(setup: Setup) -> bool:
 
 def has_history(setup: Setup) -> bool:
     """Whether any sensor reads what depends on what it read before."""
-    return bool(setup.lags) or setup.load_play_m > 0.0
+    return bool(setup.lags) or setup.load_play_m > 0.0 or setup.distal_delay_s > 0.0
 
 
 def true_drive(
@@ -65,7 +70,7 @@ def true_drive(
     before
         Last true value and reading of lagging channels.
     """
-    true, lags = given, dict[Channel, tuple[float, float]]()
+    true, lags = given, dict[Channel, tuple[float, ...]]()
     for channel, lag in setup.lags:
         if channel == drive:
             last = np.concatenate(([before.get(channel, (given[0], given[0]))[1]], given[:-1]))
@@ -129,24 +134,49 @@ def with_histories(
 ) -> tuple[dict[str, Vector], Lags]:
     """Let channels that have play or lag do so, but not the drive; return their last values too.
 
-    Source: docs/model.md (62), (319).
+    Source: docs/model.md (62), (319), (353).
     """
-    read, lags, lag_of = dict(channels), dict[Channel, tuple[float, float]](), dict(setup.lags)
+    read, lags, lag_of = dict(channels), dict[Channel, tuple[float, ...]](), dict(setup.lags)
+    late = DISTAL if setup.distal_delay_s > 0.0 else ()
     if setup.load_play_m > 0.0:
         way = channels["displacement_out_m"]
-        engaged, _ = before.get("displacement_out_m", (None, None))
+        engaged, *_ = before.get("displacement_out_m", (None,))
         lost = way - play(way, setup.load_play_m, engaged)
         read |= {"displacement_out_m": way - lost, "elongation_m": channels["elongation_m"] + lost}
         lag_of = dict.fromkeys(_BEHIND_PLAY, 0.0) | lag_of
-    for channel, lag in lag_of.items():
+    for channel, lag in (dict.fromkeys(late, 0.0) | lag_of).items():
         if channel == drive:
             continue
-        value = read[channel]
-        first = float(value[0])
+        value, last, past = read[channel], before.get(channel, ()), ()
         if lag > 0.0:
-            read[channel] = core.lagged(value, spans, lag, *before.get(channel, (first, first)))
-        lags[channel] = (float(value[-1]), float(read[channel][-1]))
+            ends = (last[0], last[-1]) if last else (float(value[0]),) * 2
+            read[channel] = core.lagged(value, spans, lag, *ends)
+        if channel in late:
+            read[channel], past = _delayed(read[channel], spans, setup.distal_delay_s, last)
+        lags[channel] = (float(value[-1]), float(read[channel][-1]), *past)
     return read, lags
+
+
+def _delayed(
+    values: Vector, spans: Vector, delay: float, before: tuple[float, ...]
+) -> tuple[Vector, tuple[float, ...]]:
+    """Return what a late recorder reads [n], and ages and values that it has still to read; (353)."""
+    past = np.array(before[2:] or (0.0, *before[1:]) if before else ()).reshape(-1, 2)
+    elapsed = np.cumsum(spans)
+    time, known = np.concatenate((-past[:, 0], elapsed)), np.concatenate((past[:, 1], values))
+    first = max(int(np.searchsorted(time, elapsed[-1] - delay, "right")) - 1, 0)
+    left = np.column_stack((elapsed[-1] - time[first:], known[first:]))
+    return np.interp(elapsed - delay, time, known), tuple(left.ravel().tolist())
+
+
+def recorded_late(time: Vector, values: Vector, delay: float) -> Vector:
+    """Return what a recorder that is late [s] reads at these times [n], NaN where there is none; (353)."""
+    if delay == 0.0:
+        return values
+    there = np.isfinite(time) & np.isfinite(values)
+    read, elapsed = np.full(len(values), np.nan), time[there]
+    read[there] = np.interp(elapsed - delay, np.maximum.accumulate(elapsed), values[there])
+    return read
 
 
 def play(values: Vector, width: float, engaged: float | None = None) -> Vector:

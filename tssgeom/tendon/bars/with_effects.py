@@ -47,8 +47,9 @@ def _setup(tendon: Tendon, friction: Friction, load: Load, effects: tuple[AnyEff
 
 def timed(setup: Setup) -> bool:
     """Whether any of the effects depends on time."""
+    late = bool(setup.lags) or setup.distal_delay_s > 0.0
     curves = any(curve.table == "speed" or curve.table.endswith("time") for curve in setup.curves)
-    return bool(setup.creep_ratio or setup.drag_Ns_per_m2 or setup.speed_gain or setup.lags or curves)
+    return bool(setup.creep_ratio or setup.drag_Ns_per_m2 or setup.speed_gain or late or curves)
 
 
 def cut(along: Corners, arcs: Arcs, setup: Setup) -> BarState:
@@ -219,7 +220,7 @@ def readings(state: BarState, setup: Setup) -> dict[str, float]:
     true = (state.tension_in, state.tension_out, state.displacement_in, state.displacement_out)
     elapsed = state.memory.drive[HELD.time : HELD.time + 1]
     read = {name: float(value[0]) for name, value in sensed(setup, np.array(true)[:, None], elapsed).items()}
-    return read | {channel: last for channel, (_, last) in state.lags.items()}
+    return read | {channel: kept[1] for channel, kept in state.lags.items()}
 
 
 def tension_along(state: BarState, route: Arcs, s: Vector) -> Vector:
