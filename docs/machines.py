@@ -32,7 +32,7 @@ from panel import (
 )
 from PIL import Image
 
-from tssgeom.identify.machine_parameters import unit_of
+from tssgeom.channel_names import unit_of_key
 from tssgeom.io.formats.columns import CHANNELS, MACHINE_CHANNELS
 from tssgeom.rig import Rig, Sensor
 from tssgeom.uncertain import UNKNOWNS
@@ -260,7 +260,7 @@ def _rows() -> Iterator[str]:
         *tables, name = key.split(".")
         low, high = prior.value(-1.96), prior.value(1.96)
         table = "sensors.NAME" if tables == ["sensors"] else ".".join(tables)
-        unit = unit_of(key)
+        unit = unit_of_key(key)
         yield f"| `[{table}] {name}` | {prior.centre:g} | {low:.2g} and {high:.2g} | {unit} |\n"
 
 
