@@ -234,9 +234,10 @@ def law_held(outcome: Outcome) -> float:
     law = effect.get("law") if effect else None
     if not law or not true or not right_mechanism(outcome):
         return math.nan
-    if law.get("unit") != true["unit"]:
+    kind = outcome.truth["mechanism"]
+    if law.get("unit") != ("1/N" if kind == "strain_over_time" else true["unit"]):
         return 0.0
-    return band_share(law, true, outcome.truth["mechanism"])
+    return band_share(law, true, kind)
 
 
 def answer(outcome: Outcome) -> str:

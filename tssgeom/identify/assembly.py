@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import msgspec
@@ -22,12 +22,12 @@ from tssgeom.identify.finding import (
 from tssgeom.identify.fit import Fit, Free, Point, Problem, refined
 from tssgeom.identify.law_search import LawSearch
 from tssgeom.identify.misfit import NO_CHANGE, HeldOut
+from tssgeom.identify.prediction import of_other_directions
 from tssgeom.identify.screening import detection_limits, size_over_limit
 from tssgeom.identify.selection import Selection, Step, Tried, close_candidates, delta_bic, name_of, without
 from tssgeom.identify.ties import Tied, best_plans
 from tssgeom.identify.verdict import Judgement, why_not
 from tssgeom.rig import Rig
-from tssgeom.route.pieces import Arcs
 from tssgeom.statistics import NORMAL_95
 
 
@@ -99,26 +99,19 @@ class Work:
         return self.chosen.fit.chi2 if self.laws is None else self.laws.fit.chi2
 
 
-def base_estimates(fit: Fit, nominal: Rig, routes: Iterable[Arcs]) -> dict[str, Estimate]:
-    """Return friction and compliance with their 95 % intervals; that of friction holds errors of angles."""
-    spread = np.sqrt(np.diag(fit.covariance))[:2] * math.sqrt(max(fit.chi2 / len(fit.left), 1.0))
-    spread[0] = math.hypot(spread[0], nominal.shape.angle_gain_sd, _form_share(routes))
-    both = (("friction", fit.at.friction, "1"), ("compliance_per_N", fit.at.compliance, "1/N"))
+def base_estimates(problem: Problem, fit: Fit) -> dict[str, Estimate]:
+    """Return friction and compliance with their 95 % intervals, by all errors of routes; (115)."""
+    at, nominal = fit.at, problem.rig
+    own = np.diag(fit.covariance)[:2] * max(fit.chi2 / len(fit.left), 1.0)
+    others = of_other_directions(problem.stack, at.rig(nominal), at.effects)
+    moved = fit.covariance @ (fit.jacobian.T @ problem.whitening.whitened(others))
+    spread = np.sqrt(own + np.square(moved[:2]).sum(axis=1))
+    spread[0] = math.hypot(spread[0], nominal.shape.angle_gain_sd)
+    both = (("friction", at.friction, "1"), ("compliance_per_N", at.compliance, "1/N"))
     return {
         name: Estimate(value, unit, value * math.exp(-NORMAL_95 * sd), value * math.exp(NORMAL_95 * sd))
         for (name, value, unit), sd in zip(both, spread, strict=True)
     }
-
-
-def _form_share(routes: Iterable[Arcs]) -> float:
-    """Return the s.d. of the common angle of routes by forms that no point shows, of that angle [1].
-
-    The information of a route on friction goes with the square of its angle.
-    """
-    form = np.array([(arcs.total_angle, arcs.form_variance) for arcs in routes])
-    angle, variance = form.T
-    information = float(np.sum(angle**2))
-    return math.sqrt(float(angle**2 @ variance)) / information if information > 0.0 else 0.0
 
 
 def chosen_effects(work: Work) -> tuple[Candidate, ...]:

@@ -7,7 +7,7 @@ that many readings share. Source: docs/model.md (100)-(102).
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -18,6 +18,7 @@ from tssgeom.effects import AnyEffect, Setup, together
 from tssgeom.identify.drive_noise import sampled_drives
 from tssgeom.identify.marches import march_once
 from tssgeom.identify.readings import Reading
+from tssgeom.identify.route_directions import main_directions, other_directions
 from tssgeom.rig import Rig, Sensor
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.bars.contact_grid import edges
@@ -41,9 +42,8 @@ class NoiseModelSettings:
     """Half waves of drift within a run; chosen."""
     bends: tuple[float, ...] = (0.7, 0.5, 0.3, 0.15)
     """Of the nonlinearity: sine waves of a cell over its scale [1]; chosen on development seeds."""
-    arc_modes: int = 24
-    """Directions of the covariance of a route that count; chosen: with four of 22 that of friction was half
-    as wide."""
+    arc_modes: int = 4
+    """Directions of the covariance of a route that count in a fit; chosen. Intervals count all, (115)."""
     smoothed: float = 3.0
     """Over the median s.d. of a channel: a less exact reading is left out of its rms [1]; chosen."""
 
@@ -194,7 +194,7 @@ def _all_modes(
     yield from _of_sensors(stack, rig, base)
     for k in range(len(stack.readings)):
         yield from _of_drive(stack, k, rig, effects, base)
-    yield from _of_routes(stack, rig, effects, base)
+    yield from _of_routes(stack, rig, effects, base, main_directions)
 
 
 def _of_sensors(stack: Stack, rig: Rig, base: Vector) -> Iterator[tuple[str, Vector]]:
@@ -277,30 +277,30 @@ def _beyond(stack: Stack, k: int, channels: Mapping[str, Vector], base: Vector) 
     return out
 
 
+def of_other_directions(stack: Stack, rig: Rig, effects: Sequence[AnyEffect]) -> Matrix:
+    """Return what angles of routes may be off beside the directions that a fit counts [rows, m]; (115)."""
+    base = simulated(stack, rig, effects)
+    columns = [column for _, column in _of_routes(stack, rig, effects, base, other_directions)]
+    return np.column_stack([np.zeros((stack.size, 0)), *columns])
+
+
 def _of_routes(
-    stack: Stack, rig: Rig, effects: Sequence[AnyEffect], base: Vector
+    stack: Stack,
+    rig: Rig,
+    effects: Sequence[AnyEffect],
+    base: Vector,
+    directions: Callable[[Arcs, int], list[Vector]],
 ) -> Iterator[tuple[str, Vector]]:
-    """Yield angles of each route, along the main directions of their covariance."""
+    """Yield angles of each route, along directions of their covariance."""
     routes = {reading.route.name: reading.route for reading in stack.readings}
     for name, route in routes.items():
-        for m, way in enumerate(_directions(route.arcs)):
+        for m, way in enumerate(directions(route.arcs, NOISE.arc_modes)):
             arcs = _stepped(route.arcs, way)
             out = np.zeros(stack.size)
             for k, reading in enumerate(stack.readings):
                 if reading.route.name == name:
                     out += _beyond(stack, k, run_channels(reading, rig, effects, arcs=arcs), base)
             yield f"direction {m} of {name}", out
-
-
-def _directions(arcs: Arcs) -> list[Vector]:
-    """Return steps of one standard deviation of the angles, the widest first [rad].
-
-    Without that of a form which no point shows: all runs on a route share it, as they do its friction.
-    """
-    k = len(arcs.length)
-    value, way = np.linalg.eigh(arcs.covariance_without_form[k:, k:])
-    order = np.argsort(value)[::-1][: NOISE.arc_modes]
-    return [math.sqrt(value[i]) * way[:, i] for i in order if value[i] > 1e-9]
 
 
 def _stepped(arcs: Arcs, by: Vector) -> Arcs:

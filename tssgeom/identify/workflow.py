@@ -255,8 +255,8 @@ def _finding(campaign: Campaign, started: _Started, work: Work, attribution: Att
     all_traces = traces(runs, campaign.rig, work.base.at, fit.at)
     base_words, of_base = base_ties(fit, campaign.rig)
     tied = [*(ties_of(chosen) if work.laws is None else ()), *of_base]
-    of_routes = {run.route.name: run.route.arcs for run in runs if not run.held_out}
-    base = base_estimates(fit, campaign.rig, of_routes.values())
+    problem = work.problem if unknown else chosen.problem if work.laws is None else work.laws.problem
+    base = base_estimates(problem, fit)
     named = [name_of(effect) for effect in chosen.fit.at.effects]
     along, gains = attribution.along, attribution.gains
     shapes = missing_shapes(work.problem, work.base, along, gains) if unknown else ()
