@@ -175,21 +175,20 @@ def _facts(run: MeasuredRun, commands: Sequence[Command]) -> CommandFacts:
 
 def _lines(facts: CommandFacts, commands: Sequence[Command], tolerance_mm: float | None) -> Iterator[str]:
     """Say which commands are cut, where the drive lets go, and which targets are out of tolerance."""
-    count, letting_go = len(commands), sum(each.lets_go for each in commands)
-    of_both = zip(facts["limited"], (each for each in commands if each.limited), strict=True)
-    sides: dict[bool, list[CutCommand]] = {False: [], True: []}
-    for cut, command in of_both:
-        sides[command.lets_go].append(cut)
-    if sides[False]:
-        first = sides[False][0]
+    count = len(commands)
+    limited = list(zip(facts["limited"], (each for each in commands if each.limited), strict=True))
+    cut = [one for one, command in limited if not command.lets_go]
+    let_go = [one for one, command in limited if command.lets_go]
+    if cut:
+        first = cut[0]
         yield (
-            f"{len(sides[False])} of {count} commands are cut by drive.limits, the first at "
+            f"{len(cut)} of {count} commands are cut by drive.limits, the first at "
             f"{first['time_s']:g} s by {first['limits']}: {_reached(first)}"
         )
-    if letting_go:
-        first = sides[True][0]
+    if let_go:
+        first = let_go[0]
         yield (
-            f"{letting_go} of {count} targets are below what friction holds without any pull, so that the "
+            f"{len(let_go)} of {count} targets are below what friction holds without any pull, so that the "
             f"drive lets go, first at {first['time_s']:g} s: {_reached(first)}; ask for more, or give it "
             "more time"
         )

@@ -43,7 +43,7 @@ def estimates(fit: Fit, which: int, covariance: Matrix | None = None) -> dict[st
     `covariance` of all numbers [size or more] is that of the fit where it is not given.
     """
     diagonal = np.diag(fit.covariance if covariance is None else covariance)
-    spread = np.sqrt(diagonal)[2:] * math.sqrt(max(fit.chi2 / len(fit.left), 1.0))
+    spread = np.sqrt(diagonal)[2:] * math.sqrt(fit.inflation)
     out = {}
     for free, sd in zip(fit.at.free, spread, strict=False):
         if free.effect == which:
@@ -102,7 +102,7 @@ class Work:
 def base_estimates(problem: Problem, fit: Fit) -> dict[str, Estimate]:
     """Return friction and compliance with their 95 % intervals, by all errors of routes; (115)."""
     at, nominal = fit.at, problem.rig
-    own = np.diag(fit.covariance)[:2] * max(fit.chi2 / len(fit.left), 1.0)
+    own = np.diag(fit.covariance)[:2] * fit.inflation
     others = of_other_directions(problem.stack, at.rig(nominal), at.effects)
     moved = fit.covariance @ (fit.jacobian.T @ problem.whitening.whitened(others))
     spread = np.sqrt(own + np.square(moved[:2]).sum(axis=1))
@@ -126,11 +126,10 @@ def _added(work: Work, which: int) -> Candidate:
     problem, fit, effect = chosen.problem, chosen.fit, chosen.fit.at.effects[which]
     less = refined(problem, without(fit.at, which))
     size = size_over_limit(problem.stack, less.left - fit.left, detection_limits(problem.stack, problem.rig))
-    inflated = max(1.0, fit.chi2 / problem.stack.size)
     ratio = math.nan if work.held is None else work.held.ratio(fit.at)
     gain = delta_bic(less, fit, problem.stack.size)
     fall = 0.0 if work.held is None else -work.held.rise(less.at, fit.at)
-    evidence = Evidence(gain, chosen.steps[0].threshold * inflated, size, ratio, fall)
+    evidence = Evidence(gain, chosen.steps[0].threshold * fit.inflation, size, ratio, fall)
     return Candidate((name_of(effect),), (effect,), (estimates(fit, which),), evidence, "")
 
 

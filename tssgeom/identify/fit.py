@@ -152,6 +152,11 @@ class Fit:
     """[rows] Measured less simulated [N, m]."""
 
     @property
+    def inflation(self) -> float:
+        """Factor of the covariance where more is left than errors explain [1]."""
+        return max(1.0, self.chi2 / len(self.left))
+
+    @property
     def covariance(self) -> Matrix:
         """Of ln μ, ln ρ and what is free."""
         sd = prior_sd(self.at)

@@ -107,7 +107,7 @@ def curve(fit: LawFit, which: int, nearest: tuple[tuple[str, float], ...] = ()) 
 def _compliance(fit: LawFit, which: int, nearest: tuple[tuple[str, float], ...]) -> LawCurve:
     """Return a law of creep as the compliance over time, its band over all times of its elements; (352)."""
     one, fits = fit.terms[which].mechanism, (fit, *fit.others)
-    evidence = np.array([each.log_evidence for each in fits]) / _inflation(fit)
+    evidence = np.array([each.log_evidence for each in fits]) / fit.inflation
     weight = np.exp(evidence - evidence.max())
     logs, variances = np.array([_log_compliance(each, which) for each in fits]).swapaxes(0, 1)
     variance = weight @ (variances + (logs - logs[0]) ** 2) / weight.sum()
@@ -130,8 +130,4 @@ def _covariance(fit: LawFit, which: int, beside: int) -> Matrix:
     """Return that of the logarithm of friction (0) or compliance (1), and of the numbers of a law."""
     start = fit.at.size + sum(term.mechanism.size for term in fit.terms[:which])
     rows = [beside, *range(start, start + fit.terms[which].mechanism.size)]
-    return _inflation(fit) * fit.covariance[np.ix_(rows, rows)]
-
-
-def _inflation(fit: LawFit) -> float:
-    return max(1.0, fit.chi2 / max(len(fit.left), 1))
+    return fit.inflation * fit.covariance[np.ix_(rows, rows)]

@@ -85,6 +85,11 @@ class LawFit:
     """With other times of creep, which the band counts too; (352)."""
 
     @property
+    def inflation(self) -> float:
+        """Factor of the covariance where more is left than errors explain [1]."""
+        return max(1.0, self.chi2 / len(self.left))
+
+    @property
     def point(self) -> Point:
         """The model with its laws as effects."""
         return with_terms(self.at, self.terms)
@@ -146,13 +151,15 @@ def fitted(
     terms: Sequence[Term],
     passes: int = LAW_FIT.whole,
     added: Added | None = None,
-    orders: tuple[int, ...] = (2,),
+    orders: tuple[int, ...] = (),
 ) -> LawFit | None:
     """Fit a model with laws from a start; None where it finds no equilibrium near it.
 
     The derivatives are those of the last pass but one; `passes` is how often they are taken, with what was
-    `added` only those of its numbers. `orders` are those of the priors that laws may have.
+    `added` only those of its numbers. `orders` are those of the priors that laws may have; left out, the
+    second and what a law has already.
     """
+    orders = orders or tuple({2, *(term.order for term in terms)})
     for _ in range(LAW_FIT.halvings):
         laws = _Laws(problem, at, tuple(terms), orders)
         posed = laws.posed() if added is None else _sharing(laws.posed(), added)

@@ -64,7 +64,7 @@ class Offer:
     @property
     def separable(self) -> float:
         """What another part has to have more of evidence to be clearly better [1]."""
-        return EVIDENCE_SCALE.strong * max(1.0, self.fit.chi2 / len(self.fit.left))
+        return EVIDENCE_SCALE.strong * self.fit.inflation
 
     @property
     def label(self) -> str:
@@ -180,7 +180,6 @@ def _pruned(
     That is 2 Δ ln Z, and by how much χ² of the held-out runs falls.
     """
     named, added, fallen = len(fit.at.effects), list[float](), list[float]()
-    orders = tuple({2, *(term.order for term in fit.terms)})
     if named + len(fit.terms) < 2:
         rise = 0.0 if held is None else held.rise(base.point, fit.point)
         return fit, (2.0 * (fit.log_evidence - base.log_evidence),), (-rise,)
@@ -189,7 +188,7 @@ def _pruned(
             at, terms = without(fit.at, which), fit.terms
         else:
             at, terms = fit.at, tuple(term for k, term in enumerate(fit.terms) if k != which - named)
-        less = fitted(problem, at, terms, orders=orders)
+        less = fitted(problem, at, terms)
         gain = np.inf if less is None else 2.0 * (fit.log_evidence - less.log_evidence)
         rise = 0.0 if held is None or less is None else held.rise(less.point, fit.point)
         if less is not None and gain - rise < needed(fit):
@@ -201,7 +200,7 @@ def _pruned(
 
 def needed(fit: LawFit) -> float:
     """Return what 2 Δ ln Z has to pass, more where a fit leaves more than the sensors explain; (191)."""
-    return EVIDENCE_SCALE.very_strong * max(1.0, fit.chi2 / len(fit.left))
+    return EVIDENCE_SCALE.very_strong * fit.inflation
 
 
 def as_fit(fit: LawFit) -> Fit:

@@ -291,7 +291,7 @@ def _drift(channel: str, runs: Sequence[MachineRun]) -> Part:
     span = max(float(np.nanmax(each) - np.nanmin(each)) for each in measured)
     longest = max(float(np.ptp(run.given["time_s"])) for run in runs)
     prior = Prior(0.0, LIMITS.zero * (span or 1.0) / longest, log=False)
-    part = _of_channel("channel_drift", channel, "drift_per_s", f"{unit_of_key(channel)}/s", prior)
+    part = _of_channel("channel_drift", channel, "drift_per_s", unit_of_key(f"{channel}.drift_per_s"), prior)
     key, middle = f"sensors.{channel}.drift_time_s", 0.5 * longest
     ends = Number("drift_time_s", key, "s", Prior(middle, FIT.log_sd), middle, switch=False)
     return replace(part, numbers=(*part.numbers, ends))
