@@ -67,6 +67,13 @@ def discover(
             "in a campaign.toml with their shapes, as those of a machine are; may be repeated.",
         ),
     ] = None,
+    with_errors: Annotated[
+        bool,
+        typer.Option(
+            "--with-errors",
+            help="Write what is fitted as { value, sd }, and what stays unexplained: commands count both.",
+        ),
+    ] = False,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
@@ -92,7 +99,7 @@ def discover(
         said, seeded = column_map(columns), (seed, more or (), design)
         finding = _identified(campaign, out, unit, said, seeded, identifying)
         report_step("writing the report", _IDENTIFIED)
-        files = _write(out, finding)
+        files = _write(out, finding, with_errors=with_errors)
         if figures is not None:
             _write_figures(figures, finding)
         report_step("done", 1.0)
@@ -136,7 +143,7 @@ def _identified(
     return workflow.discover(read, seed=seed, progress=report, propose=design)
 
 
-def _write(out: Path, finding: Finding) -> list[str]:
+def _write(out: Path, finding: Finding, *, with_errors: bool) -> list[str]:
     """Write all files together, so that a report never stands beside the rig of another."""
     from tssgeom.atomic import replacing_all
     from tssgeom.io.results.findings import PROPOSED, write_proposal, write_report, write_updated_rig
@@ -148,7 +155,7 @@ def _write(out: Path, finding: Finding) -> list[str]:
             with replacing_all(out / PROPOSED) as drives:
                 write_proposal(drives, finding.proposal, tssgeom_version())
         write_report(draft, finding, tssgeom_version())
-        write_updated_rig(draft, finding, tssgeom_version())
+        write_updated_rig(draft, finding, tssgeom_version(), with_errors=with_errors)
         write_finding_report(draft / PAGE, finding)
         if not finding.is_machine:
             write_finding_recording(draft / PICTURE, finding)

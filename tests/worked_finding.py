@@ -32,6 +32,7 @@ from tssgeom.identify.finding import (
 from tssgeom.identify.synthetic import BELIEVED, COURSES, TRUE, SampleRun, arcs_of, sample_campaigns
 from tssgeom.route.synthetic import positions
 from tssgeom.tendon.bars.model import begin, carry_on, prepare
+from tssgeom.uncertain import CERTAIN
 
 CHANNELS = ("tension_in_N", "tension_out_N", "elongation_m")
 BEND = HiddenBend(at_m=0.21, angle_rad=0.6)
@@ -77,6 +78,7 @@ def _made(verdict: Verdict) -> Finding:
         ranking=(bend, *others),
         missing_shapes=_shapes() if verdict == "unknown" else (),
         rig=rig,
+        errors=CERTAIN,
         traces=traces,
         notes=("half_slow: tension_out_N is missing in 4 of 240 rows",),
         seconds=4.2,

@@ -16,7 +16,16 @@ from tssgeom.effects import AnyEffect, wrong_effect
 from tssgeom.errors import SettingsError, printable, require, require_at_least_zero, require_file
 from tssgeom.mechanism import Drive, End, GivenRoute, is_machine, require_effects
 from tssgeom.toml_keys import with_choices, with_short_keys, without_none
-from tssgeom.uncertain import CERTAIN, Follow, RigErrors, Uncertain, keys_of, parted, path_of, require_known
+from tssgeom.uncertain import (
+    CERTAIN,
+    Follow,
+    RigErrors,
+    Uncertain,
+    Unexplained,
+    change,
+    parted,
+    require_known,
+)
 
 Source = Literal["markers", "em", "fbg", "centreline", "smoothed"]
 """Where the points of a route come from; docs/model.md (164)."""
@@ -215,6 +224,8 @@ class Rig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
     """The route where no shape is sensed."""
     effects: tuple[AnyEffect, ...] = ()
     """What else acts, beside the base model; docs/model.md (50)-(62)."""
+    unexplained: Unexplained = Unexplained()
+    """What the model is known to be off by; docs/model.md (354)."""
     adapt: dict[str, Follow] = {}
     """Numbers that `--adapt` follows, by key; model.md (200)."""
     columns: dict[str, str] = {}
@@ -302,21 +313,13 @@ def read_uncertain_rig(path: str | Path) -> tuple[Rig, tuple[Uncertain, ...]]:
 
 def with_values(rig: Rig, values: Mapping[str, float]) -> Rig:
     """Return a rig with some of its numbers changed, by key; SettingsError where one is out of bounds."""
-    tables = msgspec.to_builtins(rig)
-    tables["route"]["bends"] = [*rig.route.bends]  # a list can be changed
+    tables = msgspec.to_builtins(rig, enc_hook=float)
     for key, value in values.items():
-        for path in map(path_of, keys_of(key)):
-            _set(tables, path, float(value))
+        change(tables, key, lambda _, value=value: float(value))
     try:
         return msgspec.convert(tables, Rig)
     except msgspec.ValidationError as error:
         raise SettingsError(str(error)) from error
-
-
-def _set(tables: Any, path: Sequence[str | int], value: float) -> None:
-    for step in path[:-1]:
-        tables = tables[step] if isinstance(step, int) else tables.setdefault(step, {})
-    tables[path[-1]] = value
 
 
 def write_rig(path: Path, rig: Rig, provenance: Sequence[str] = (), errors: RigErrors = CERTAIN) -> None:
@@ -337,7 +340,7 @@ def write_rig(path: Path, rig: Rig, provenance: Sequence[str] = (), errors: RigE
     comments = "".join(f"# {printable(' '.join(line.split()))}\n" for line in provenance)
     tables = without_none(msgspec.to_builtins(rig, enc_hook=float))  # fits give numpy's floats
     errors.state(tables)
-    for name in ("drive", "end", "route"):
+    for name in ("drive", "end", "route", "unexplained"):
         if getattr(rig, name) == getattr(Rig(), name):
             del tables[name]
     for sensor in tables.get("sensors", {}).values():

@@ -185,9 +185,10 @@ def pulled(
         from tssgeom.adapt.followed_tendon import with_filter
 
         transmission = with_filter(transmission, known)
-    elif commander.variants:
+    elif commander.variants or rig.unexplained:
         by_position = given.tension_in is None and (given.displacement_in is not None or command is not None)
-        transmission = with_rig_errors(transmission, commander.variants, by_tension=not by_position)
+        by = {"by_tension": not by_position}
+        transmission = with_rig_errors(transmission, commander.variants, rig, moved.route, **by)
     of_route = frame.warnings + shape.warnings + fit.warnings
     of_frame = _temperature_warnings(rig, frame) + _unread(frame) + warnings
     return FrameResult(

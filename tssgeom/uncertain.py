@@ -9,7 +9,7 @@ import difflib
 import itertools
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -19,12 +19,32 @@ import numpy as np
 
 from tssgeom.arrays import Matrix
 from tssgeom.effects import KINDS
-from tssgeom.errors import SettingsError
+from tssgeom.errors import SettingsError, require_at_least_zero
 
 UNKNOWN = "unknown"
 CORRELATIONS = "correlations"
 """The table of a rig file with the correlations of its errors."""
+_DIGITS = 1e-6  # of correlations in a file [1]; stated: numbers fewer than their keys have axes of less
 _ROUNDED = 1e-3  # below 0 by as much for each number, an eigenvalue of correlations is 0 [1]; chosen: digits
+
+
+class Unexplained(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What a model left of measured runs beyond what their sensors explain, rms; 0 where it left nothing."""
+
+    tension_in_N: float = 0.0
+    """Of the proximal tension, where the position of the drive was given [N]."""
+    tension_out_N: float = 0.0
+    """Of the distal tension [N]."""
+    elongation_m: float = 0.0
+    """Of the elongation [m]."""
+
+    def __post_init__(self) -> None:
+        for name, value in msgspec.structs.asdict(self).items():
+            require_at_least_zero(f"unexplained.{name}", value, name.rpartition("_")[2])
+
+    def __bool__(self) -> bool:
+        """Whether it left anything."""
+        return any(msgspec.structs.astuple(self))
 
 
 class Follow(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -111,13 +131,9 @@ class RigErrors:
     """[numbers, numbers] [1]."""
 
     def state(self, tables: dict[str, Any]) -> None:
-        """Put them into the tables of a rig file, each pair of correlations once."""
+        """Put them into the tables of a rig file, as text, each pair of correlations once."""
         for key, sd in zip(self.keys, self.sd, strict=True):
-            for *way, last in map(path_of, keys_of(key)):
-                table: Any = tables
-                for part in way:
-                    table = table[part]
-                table[last] = f"{{ value = {table[last]!r}, sd = {sd:.4g} }}"  # a string until it is written
+            change(tables, key, lambda value, sd=sd: f"{{ value = {value!r}, sd = {sd:.4g} }}")
         together: dict[str, dict[str, float]] = {}
         names = [(k, one) for k, key in enumerate(self.keys) for one in keys_of(key)]
         for (a, one), (b, other) in itertools.combinations(names, 2):
@@ -163,7 +179,7 @@ def deviations(uncertain: Sequence[Uncertain]) -> Iterator[dict[str, float]]:
     """
     value, way = np.linalg.eigh(_matrix(uncertain))
     alone = np.array_equal(value, np.ones(len(value)))
-    axes = np.eye(len(value)) if alone else (way * np.sqrt(np.maximum(value, 0.0))).T[::-1]
+    axes = np.eye(len(value)) if alone else (way * np.sqrt(value)).T[value > _DIGITS][::-1]
     for axis in axes:
         moved = [(each, u) for each, u in zip(uncertain, axis.tolist(), strict=True) if u != 0.0]
         for sign in (-1.0, 1.0) if moved else ():
@@ -188,6 +204,24 @@ def behind_gear(key: str, gear: float) -> Prior:
 def path_of(key: str) -> list[str | int]:
     """Return the steps to a key: names of tables, and numbers in lists."""
     return [int(part) if part.isdigit() else part for part in re.split(r"[.\[\]]+", key) if part]
+
+
+def change(tables: dict[str, Any], key: str, made: Callable[[Any], Any]) -> None:
+    """Put in the tables of a rig what is made of the value of a key; tuples on the way become lists."""
+    for path in map(path_of, keys_of(key)):
+        _change_at(tables, path, made)
+
+
+def _change_at(tables: Any, path: Sequence[str | int], made: Callable[[Any], Any]) -> None:
+    step, *more = path
+    if isinstance(step, str) and more:
+        tables.setdefault(step, {})
+    if more and isinstance(tables[step], tuple):
+        tables[step] = [*tables[step]]
+    if more:
+        _change_at(tables[step], more, made)
+    else:
+        tables[step] = made(tables.get(step) if isinstance(tables, dict) else tables[step])
 
 
 def keys_of(key: str) -> list[str]:

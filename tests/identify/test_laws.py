@@ -16,6 +16,7 @@ from tssgeom.identify.law_search import Offer, in_order
 from tssgeom.identify.law_smoothness import law_precision, straight_model
 from tssgeom.identify.mechanisms import mechanisms
 from tssgeom.identify.readings import readings
+from tssgeom.identify.rig_errors import of_fit
 from tssgeom.identify.workflow import discover
 from tssgeom.io.formats.campaigns import read_campaign
 from tssgeom.least_squares import SOLVER
@@ -183,3 +184,17 @@ def test_steps_of_a_rising_law_have_the_prior_of_the_law_itself(problem):
     rough = law_precision(one, 0.3, np.inf)
     itself = law_precision(replace(one, rising=False), 0.3, np.inf)
     assert steps @ rough @ steps == pytest.approx(np.cumsum(steps) @ itself @ np.cumsum(steps))
+
+
+def test_a_rig_has_the_errors_of_a_law_at_its_knots(problem):
+    given, _, base = problem
+    _, term, _ = score(given, fitted(given, base.at, ()), named(given, "friction_over_arc_length"))
+    fit = fitted(given, base.at, (term,))
+    errors = of_fit(given, fit)
+    factor = np.array(fit.point.effects[0].factor)
+    own = {key: sd for key, sd in zip(errors.keys, errors.sd, strict=True) if key.startswith("effects")}
+    assert list(own) == [f"effects[0].factor[{k}]" for k in range(len(factor))]
+    # routes may be turned more or less than sensed: that only adds
+    least = factor * fit.spread(0) * np.sqrt(fit.inflation)
+    assert np.all(np.array([*own.values()]) >= 0.999 * least)
+    assert np.median([*own.values()] / least) < 1.5

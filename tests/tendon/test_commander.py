@@ -3,6 +3,7 @@
 import math
 from dataclasses import replace
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -18,7 +19,7 @@ from tssgeom.tendon.command import compensate
 from tssgeom.tendon.command_error import Step, Variant, bound, outside, spread
 from tssgeom.tendon.commander import Target, commander_of
 from tssgeom.tendon.state import pretensioned, step, transmit
-from tssgeom.uncertain import Uncertain, assumed
+from tssgeom.uncertain import Uncertain, Unexplained, assumed
 
 MU, ANGLE = 0.145, math.pi
 ROUTE = Arcs.exact([0.5], [ANGLE])
@@ -112,6 +113,28 @@ def test_tension_and_elongation_of_a_frame_have_the_errors_of_the_rig():
             b.tension_out_se, rel=0.01
         )
         assert b.elongation_se > 1.05 * a.elongation_se
+    left = msgspec.structs.replace(RIG, unexplained=Unexplained(tension_out_N=0.1, elongation_m=3e-5))
+    for one, other in zip(plain, process(frames, left, tension_in=0.0), strict=True):
+        a, b = one.transmission, other.transmission
+        assert b.tension_out_se == pytest.approx(math.hypot(a.tension_out_se, 0.1), rel=1e-9)
+        assert b.elongation_se == pytest.approx(math.hypot(a.elongation_se, 3e-5), rel=1e-9)
+
+
+def test_what_the_model_leaves_unexplained_joins_every_error():
+    """0.05 N that nobody knows are 0.05 N of T_out; 20 µm take what 20 µm of the drive give."""
+    tension_left, stretch_left, drive_left = 0.05, 2e-5, 0.2
+    left = Unexplained(tension_in_N=drive_left, tension_out_N=tension_left, elongation_m=stretch_left)
+    rig = msgspec.structs.replace(RIG, unexplained=left)
+    per_N = 1.0 / rig.load.stiffness_N_per_m
+    (plain,), (command,) = commanded(RIG, [1e-3]), commanded(rig, [1e-3])
+    assert command.displacement_in == plain.displacement_in
+    before, after = (np.array(each.errors) for each in (plain, command))
+    added = np.sqrt(after**2 - before**2)
+    further = transmit(step(command.state, ROUTE, rig, displacement_in=command.displacement_in + 1e-5), rig)
+    fed = (further.tension_out - command.tension_reached) / 1e-5 * stretch_left
+    assert added[:2] == pytest.approx(np.hypot(tension_left, fed) * np.array([1.0, per_N]), rel=1e-3)
+    passed = drive_left * command.tension_reached / command.tension_in
+    assert added[2:] == pytest.approx(np.hypot(tension_left, passed) * np.array([1.0, per_N]), rel=1e-6)
 
 
 def test_the_scale_of_the_angles_counts_as_much_as_friction():

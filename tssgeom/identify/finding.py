@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
@@ -15,6 +16,7 @@ from tssgeom.identify.campaign import Campaign
 from tssgeom.identify.proposal import Proposal
 from tssgeom.result import Result
 from tssgeom.rig import Rig
+from tssgeom.uncertain import RigErrors, Unexplained
 
 Verdict = Literal["none", "effect", "law", "tie", "partial", "unknown"]
 """`law`: a mechanism whose law is no formula of the library; `partial`: what helps, and something remains."""
@@ -251,6 +253,8 @@ class Finding(Result):
     """Only where the verdict is unknown."""
     rig: Rig
     """With the chosen effects."""
+    errors: RigErrors
+    """Of its numbers that were fitted."""
     traces: tuple[Trace, ...]
     """Each run, measured and simulated."""
     notes: tuple[str, ...]
@@ -259,6 +263,19 @@ class Finding(Result):
     """Time that the identification took [s]."""
     proposal: Proposal | None = None
     """Designed experiments, where they were asked for."""
+
+    @property
+    def unexplained(self) -> Unexplained:
+        """What the updated rig leaves beyond the sensors' errors, of held-out runs where there are; (354)."""
+        runs = self.misfit.after["held_out"] or self.misfit.after["fitted"]
+        beyond = {name: self.misfit.noise[name] for name in runs}
+        beyond = {name: math.sqrt(max(runs[name] ** 2 - noise**2, 0.0)) for name, noise in beyond.items()}
+        pull = self.rig.load.stiffness_N_per_m * beyond.get("displacement_out_m", 0.0)
+        return Unexplained(
+            tension_in_N=beyond.get("tension_in_N", 0.0),
+            tension_out_N=beyond.get("tension_out_N", pull),
+            elongation_m=beyond.get("elongation_m", 0.0),
+        )
 
     @property
     def is_machine(self) -> bool:

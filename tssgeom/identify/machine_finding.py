@@ -146,6 +146,7 @@ class MachineWork:
             ranking=tuple(self._ranking()),
             missing_shapes=(),
             rig=rig,
+            errors=after.errors,
             traces=tuple(self._traces(noise)),
             notes=(*notes, *_how_counted()),
             seconds=0.0,

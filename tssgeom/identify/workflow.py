@@ -33,6 +33,7 @@ from tssgeom.identify.misfit import UNINFORMATIVE, held_out, held_out_change, mi
 from tssgeom.identify.prediction import Errors, stacked
 from tssgeom.identify.proposal import Asked
 from tssgeom.identify.readings import Reading, readings
+from tssgeom.identify.rig_errors import of_fit
 from tssgeom.identify.screening import detection_limits, variants
 from tssgeom.identify.selection import name_of, selected
 from tssgeom.identify.ties import base_ties, ties_of, unobservable
@@ -248,7 +249,8 @@ def _finding(campaign: Campaign, started: _Started, work: Work, attribution: Att
     runs, notes = started.runs, started.notes
     chosen, verdict = work.chosen, work.judged
     unknown = verdict.verdict == "unknown"
-    fit = work.base if unknown else chosen.fit if work.laws is None else as_fit(work.laws.fit)
+    whole = work.base if unknown else chosen.fit if work.laws is None else work.laws.fit
+    fit = as_fit(whole) if isinstance(whole, LawFit) else whole
     effects = () if unknown else chosen_effects(work)
     if work.laws is not None:
         effects = law_candidates(work.laws, work.held)
@@ -284,6 +286,7 @@ def _finding(campaign: Campaign, started: _Started, work: Work, attribution: Att
         ranking=ranking(work, effects) if work.laws is None else law_ranking(work.laws, effects),
         missing_shapes=shapes,
         rig=updated(campaign.rig, fit.at),
+        errors=of_fit(problem, whole),
         traces=all_traces,
         notes=(*notes, *refused(work)),
         seconds=0.0,

@@ -75,23 +75,18 @@ def route_errors(
         Errors of the distal end before the command, which stay where it does not move; by default that of the
         distal tension in `before`.
     """
-    per_N = 1.0 / rig.load.stiffness_N_per_m if rig.load.stiffness_N_per_m > 0.0 else 0.0
-    tension_in, tension_out = ends.tension_in, ends.tension_out
+    per_N, tension_out = _load_compliance(rig), ends.tension_out
     stays = before.route is not None and abs(tension_out - before.tension_out) <= UNCHANGED * tension_out
     if stays and kept is not None:
         return kept
     if stays and (error := before.tension_out_se) > 0.0:
         return DistalErrors(error, error * per_N, error, error * per_N)
-    arcs, tendon = now.route, rig.tendon
+    arcs = now.route
     if arcs is None:
         return NO_DISTAL_ERRORS
     slopes, by_angle = elongation_slopes(corners(now), arcs, rig)
     k, by_angle = len(arcs.length), by_angle * tension_out
-    ratio, fed = tension_out / tension_in if tension_in > 0.0 else 0.0, 0.0
-    if ratio > 0.0:
-        stretch = ends.elongation + tendon.compliance_per_N * tendon.pretension_N * arcs.total_length
-        per_N_in = stretch / tension_in + ratio * per_N  # movement of the drive for 1 N of it
-        fed = ratio / per_N_in if per_N_in > 0.0 else 0.0  # of T_out for each metre that the route takes
+    fed = _fed(ends, rig, arcs.total_length)
     direct = 1.0 - fed * per_N
     both = by_angle * float(slopes @ arcs.covariance[:, k:].sum(axis=1))
     by_tension = ends.tension_out_se**2
@@ -103,6 +98,31 @@ def route_errors(
         stretched = float(slopes[k:] @ arcs.angle) / total
         by_position += shared.angle * (direct * by_angle - fed * stretched) ** 2
     position, pull = math.sqrt(max(by_position, 0.0)), math.sqrt(by_tension)
+    return DistalErrors(position, position * per_N, pull, pull * per_N)
+
+
+def _load_compliance(rig: Rig) -> float:
+    """Return how far the load moves for 1 N [m/N]; 0 of a dead weight."""
+    return 1.0 / rig.load.stiffness_N_per_m if rig.load.stiffness_N_per_m > 0.0 else 0.0
+
+
+def _fed(ends: Transmission, rig: Rig, length: float) -> float:
+    """Return the distal tension that is lost with each metre that the route takes of the drive [N/m]."""
+    if ends.tension_in <= 0.0 or ends.tension_out <= 0.0:
+        return 0.0
+    ratio = ends.tension_out / ends.tension_in
+    stretch = ends.elongation + rig.tendon.compliance_per_N * rig.tendon.pretension_N * length
+    per_N_in = stretch / ends.tension_in + ratio * _load_compliance(rig)  # travel of the drive for 1 N
+    return ratio / per_N_in if per_N_in > 0.0 else 0.0
+
+
+def model_errors(ends: Transmission, rig: Rig, route: Arcs | None) -> DistalErrors:
+    """Return the errors of a model that left something of measured runs unexplained; docs/model.md (354)."""
+    left, per_N = rig.unexplained, _load_compliance(rig)
+    fed = 0.0 if route is None else _fed(ends, rig, route.total_length)
+    ratio = ends.tension_out / ends.tension_in if ends.tension_in > 0.0 else 0.0
+    pull = math.hypot(left.tension_out_N, ratio * left.tension_in_N)
+    position = math.hypot(left.tension_out_N, fed * left.elongation_m)
     return DistalErrors(position, position * per_N, pull, pull * per_N)
 
 
@@ -193,19 +213,23 @@ def spread(variants: Sequence[Variant]) -> DistalErrors:
     return DistalErrors(*spread_of(values, np.array([each.weight for each in variants])).tolist())
 
 
-def with_rig_errors(ends: Transmission, variants: Sequence[Variant], *, by_tension: bool) -> Transmission:
-    """Return what a tendon transmits with the errors of its rig beside those of its route; (212).
+def with_rig_errors(
+    ends: Transmission, variants: Sequence[Variant], rig: Rig, route: Arcs | None, *, by_tension: bool
+) -> Transmission:
+    """Return what a tendon transmits with the errors of its rig beside those of its route; (212), (354).
 
     It is driven by a tension or by a position, which its variants have too.
     """
-    if not variants:
-        return ends
-    each = [transmit(one.pulled if by_tension else one.located, one.rig) for one in variants]
-    values = np.array([(one.tension_out, one.elongation) for one in each])
-    tension_out, elongation = spread_of(values, np.array([one.weight for one in variants])).tolist()
+    of_model = model_errors(ends, rig, route)
+    pull = of_model.tension_out_by_tension if by_tension else of_model.tension_out
+    tension_out = elongation = 0.0
+    if variants:
+        each = [transmit(one.pulled if by_tension else one.located, one.rig) for one in variants]
+        values = np.array([(one.tension_out, one.elongation) for one in each])
+        tension_out, elongation = spread_of(values, np.array([one.weight for one in variants])).tolist()
     return ends._replace(
-        tension_out_se=math.hypot(ends.tension_out_se, tension_out),
-        elongation_se=math.hypot(ends.elongation_se, elongation),
+        tension_out_se=math.hypot(ends.tension_out_se, tension_out, pull),
+        elongation_se=math.hypot(ends.elongation_se, elongation, rig.unexplained.elongation_m),
     )
 
 

@@ -17,6 +17,7 @@ from tssgeom.tendon.command_error import (
     Step,
     Variant,
     is_near,
+    model_errors,
     outside,
     route_errors,
     spread,
@@ -183,8 +184,10 @@ class Commander:
         )
         of_route = command.errors
         trials = self._trials(command.displacement_in, command.tension_in, at)
-        if trials or self.tolerance is not None or self.of_filter is not None:
-            errors = self._of_rig(of_route, trials, command.displacement_in, command.tension_in)
+        if trials or self.rig.unexplained or self.tolerance is not None or self.of_filter is not None:
+            of_model = model_errors(transmit(command.state, self.rig), self.rig, command.state.route)
+            both = of_route.beside(of_model)
+            errors = self._of_rig(both, trials, command.displacement_in, command.tension_in)
             miss = self._miss(target, command.displacement_reached, command.tension_reached)
             risk = None if self.tolerance is None else outside(miss, _of(errors, measured), self.tolerance)
             command = replace(command, errors=errors, out_of_tolerance=risk)
@@ -197,10 +200,10 @@ class Commander:
         return tuple(each.driven(free, displacement_in, tension_in) for each in self.variants)
 
     def _of_rig(
-        self, of_route: DistalErrors, trials: Sequence[Variant], displacement_in: float, tension_in: float
+        self, of_both: DistalErrors, trials: Sequence[Variant], displacement_in: float, tension_in: float
     ) -> DistalErrors:
-        """Return the errors of the route beside those of rig and state."""
-        errors = of_route.beside(spread(trials))
+        """Return the errors of route and model beside those of rig and state."""
+        errors = of_both.beside(spread(trials))
         return (
             errors if self.of_filter is None else errors.beside(self.of_filter(displacement_in, tension_in))
         )
@@ -224,7 +227,8 @@ class Commander:
         ends, rig = transmit(held, self.rig), self.rig
         trials = self._trials(ends.displacement_in, ends.tension_in, at)
         of_route = route_errors(before, held, ends, rig, at.shared, self.kept)
-        errors = self._of_rig(of_route, trials, ends.displacement_in, ends.tension_in)
+        of_model = model_errors(ends, rig, held.route)
+        errors = self._of_rig(of_route.beside(of_model), trials, ends.displacement_in, ends.tension_in)
         if target.tension_out is not None and rig.load.stiffness_N_per_m == 0.0:
             by_tension = measured == "tension"
             error = errors.tension_out_by_tension if by_tension else errors.tension_out
@@ -295,4 +299,5 @@ def commander_of(
 
 def carried_errors(rig: Rig, uncertain: Sequence[Uncertain]) -> Commander | None:
     """Return what carries one tendon with the errors of its rig; None of a machine, or without any."""
-    return None if rig.is_machine or not uncertain else commander_of(rig, uncertain)
+    exact = not uncertain and not rig.unexplained
+    return None if rig.is_machine or exact else commander_of(rig, uncertain)

@@ -60,7 +60,7 @@ def listing_of(folder: Path) -> Path:
     return folder if folder.name == CAMPAIGN else folder / CAMPAIGN
 
 
-def read_campaign(folder: Path, unit: str | None = None, columns: ColumnMap = NO_MAP) -> Campaign:
+def read_campaign(folder: str | Path, unit: str | None = None, columns: ColumnMap = NO_MAP) -> Campaign:
     """Read a campaign, and fit the route of every shape in it.
 
     Parameters
@@ -86,13 +86,12 @@ def read_campaign(folder: Path, unit: str | None = None, columns: ColumnMap = NO
 
     Examples
     --------
-    >>> from pathlib import Path
     >>> from tssgeom import read_campaign
-    >>> campaign = read_campaign(Path("sample_shapes/campaign_clean"))
+    >>> campaign = read_campaign("sample_shapes/campaign_clean")
     >>> [run.name for run in campaign.runs if run.held_out]
     ['chain']
     """
-    listing = listing_of(folder)
+    listing = listing_of(Path(folder))
     home = listing.parent
     plan = read_plan(listing)
     stated = read_rig(home / plan.rig)

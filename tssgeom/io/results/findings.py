@@ -8,6 +8,7 @@ from dataclasses import asdict, is_dataclass
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 import tomli_w
 
@@ -31,6 +32,7 @@ from tssgeom.io.results.keys.findings import (
 )
 from tssgeom.result import for_json
 from tssgeom.rig import write_rig
+from tssgeom.uncertain import CERTAIN
 
 REPORT, RIG = "report.json", "rig.updated.toml"
 
@@ -45,12 +47,17 @@ def write_report(folder: Path, finding: Finding, version: str) -> Path:
     return folder / REPORT
 
 
-def write_updated_rig(folder: Path, finding: Finding, version: str) -> Path:
+def write_updated_rig(folder: Path, finding: Finding, version: str, *, with_errors: bool = False) -> Path:
     """Write the updated rig, its provenance as comments; return its path.
+
+    With errors it has those of the numbers that were fitted, and what it leaves unexplained; (354).
 
     Raises SourceError where the disk refuses.
     """
-    write_rig(folder / RIG, finding.rig, _provenance(finding, version))
+    rig, errors = finding.rig, finding.errors if with_errors else CERTAIN
+    if with_errors:
+        rig = msgspec.structs.replace(rig, unexplained=finding.unexplained)
+    write_rig(folder / RIG, rig, _provenance(finding, version), errors)
     return folder / RIG
 
 
