@@ -88,7 +88,8 @@ def _sensed(frame: Frame, rig: Rig, last: TrackedFit | None, points: PointFilter
     shape, tracked = fit_frame(frame, rig, last, points)
     fit, shared = tracked.fit, NO_ERRORS
     if frame.curvatures is None:
-        fit, shared = with_shared_errors(fit, *_source(frame, rig), tracked.errors)
+        gain = rig.shape.angle_gain_sd
+        fit, shared = with_shared_errors(fit, *_source(frame, rig), tracked.errors, gain)
     fit = _with_little_known(fit, frame, beside_route=bool(rig.shape.marker_offset_mm))
     return SensedRoute(shape, tracked, fit, shared)
 

@@ -11,6 +11,7 @@ from tssgeom.errors import SettingsError
 from tssgeom.io.formats.files import open_recording
 from tssgeom.rig import ShapeSensor, Sheath, Source
 from tssgeom.route import synthetic
+from tssgeom.route.error_posterior import NO_POSTERIOR
 from tssgeom.route.geometry import measure
 from tssgeom.route.observations import clean
 from tssgeom.route.resolution import angle_over_resolution, at_resolution
@@ -263,6 +264,17 @@ def test_intervals_hold_angle_and_length_where_errors_are_longer_than_the_resolu
             (white if source == "markers" else held).extend((angle, length))
     assert np.mean(held) >= 0.9  # 95 % of 64, less two standard deviations
     assert np.mean(white) <= 0.5
+
+
+def test_a_stated_scale_error_stands_for_that_of_a_source():
+    fit = measure(clean(sensed(ARCS, 0.02, 0.0, 7)))
+    known = NO_POSTERIOR._replace(angle=0.02)
+    angle = fit.arcs.total_angle
+    for source, share, own in (("fbg", 0.2, 0.1), ("em", 0.01, 0.0)):
+        for gain, expected in ((0.0, share), (0.03, 0.03)):
+            _, shared = with_shared_errors(fit, source, None, known, gain)
+            assert shared.angle == pytest.approx((expected * angle) ** 2 + own**2 + 0.02**2)
+    assert with_shared_errors(fit, "markers", None, gain=0.03) == (fit, NO_ERRORS)
 
 
 def helix(turns: int, points: int) -> np.ndarray:

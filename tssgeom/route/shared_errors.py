@@ -76,7 +76,11 @@ SOURCES: dict[Source, SourceErrors] = {
 
 
 def with_shared_errors(
-    fit: RouteFit, source: Source | None, resolution: float | None, known: ErrorPosterior | None = None
+    fit: RouteFit,
+    source: Source | None,
+    resolution: float | None,
+    known: ErrorPosterior | None = None,
+    gain: float = 0.0,
 ) -> tuple[RouteFit, SharedErrors]:
     """Return a fit at a resolution, and the errors beside its own that its source brings; (163), (164).
 
@@ -90,6 +94,8 @@ def with_shared_errors(
         Length of the shortest wave that counts [m]; that of the source where None.
     known
         What errors that neighbours share mean for the fit, where that is known already.
+    gain
+        Standard deviation of the scale of its angles, where it is stated: it replaces that of the source [1].
     """
     errors, length = SOURCES[source or "markers"], fit.arcs.total_length
     at = errors.resolution_share * length if resolution is None else resolution
@@ -103,7 +109,8 @@ def with_shared_errors(
             "a tenth of the route: state [shape] resolution_mm"
         )
     of_waves = slope if errors.size_share == 0.0 else 0.0  # else the posterior holds it
-    angle = math.hypot(errors.angle_share * fit.arcs.total_angle, errors.angle, of_waves, known.angle)
+    share = gain if gain > 0.0 and errors.angle_share > 0.0 else errors.angle_share
+    angle = math.hypot(share * fit.arcs.total_angle, errors.angle, of_waves, known.angle)
     wider = max(angle**2, known.least_angle**2 - fit.arcs.total_angle_se**2)
     return fit, SharedErrors(wider, math.hypot(errors.length_share * length, known.length) ** 2)
 
