@@ -340,7 +340,7 @@ def write_rig(path: Path, rig: Rig, provenance: Sequence[str] = (), errors: RigE
     comments = "".join(f"# {printable(' '.join(line.split()))}\n" for line in provenance)
     tables = without_none(msgspec.to_builtins(rig, enc_hook=float))  # fits give numpy's floats
     errors.state(tables)
-    for name in ("drive", "end", "route", "unexplained"):
+    for name in ("drive", "end", "route"):
         if getattr(rig, name) == getattr(Rig(), name):
             del tables[name]
     for sensor in tables.get("sensors", {}).values():

@@ -17,18 +17,19 @@ from typing import Any, NamedTuple
 import msgspec
 import numpy as np
 
-from tssgeom.arrays import Matrix
+from tssgeom.arrays import Matrix, Vector
 from tssgeom.effects import KINDS
 from tssgeom.errors import SettingsError, require_at_least_zero
 
 UNKNOWN = "unknown"
 CORRELATIONS = "correlations"
 """The table of a rig file with the correlations of its errors."""
+_OF_TENDON = re.compile(r"_\d+(?=_)")  # the number of a tendon in the name of a channel
 _DIGITS = 1e-6  # of correlations in a file [1]; stated: numbers fewer than their keys have axes of less
 _ROUNDED = 1e-3  # below 0 by as much for each number, an eigenvalue of correlations is 0 [1]; chosen: digits
 
 
-class Unexplained(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class Unexplained(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, omit_defaults=True):
     """What a model left of measured runs beyond what their sensors explain, rms; 0 where it left nothing."""
 
     tension_in_N: float = 0.0
@@ -37,6 +38,14 @@ class Unexplained(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     """Of the distal tension [N]."""
     elongation_m: float = 0.0
     """Of the elongation [m]."""
+    displacement_out_m: float = 0.0
+    """Of the movement of the load [m]."""
+    joint_angle_rad: float = 0.0
+    """Of the angle of a joint [rad]."""
+    bending_x_rad: float = 0.0
+    """Of the bending of a segment about x [rad]."""
+    bending_y_rad: float = 0.0
+    """Of the bending of a segment about y [rad]."""
 
     def __post_init__(self) -> None:
         for name, value in msgspec.structs.asdict(self).items():
@@ -45,6 +54,21 @@ class Unexplained(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     def __bool__(self) -> bool:
         """Whether it left anything."""
         return any(msgspec.structs.astuple(self))
+
+    @classmethod
+    def by_channel(cls, rms: Mapping[str, float]) -> Unexplained:
+        """Return what was left of channels, of several tendons the most [N, m, rad]; others do not count."""
+        most = dict.fromkeys(cls.__struct_fields__, 0.0)
+        for name, value in rms.items():
+            of = _OF_TENDON.sub("", name)
+            if of in most:
+                most[of] = max(most[of], value)
+        return cls(**most)
+
+    def of(self, channels: Sequence[str]) -> Vector:
+        """Return that of channels, `tension_out_2_N` being the distal tension of a tendon [N, m, rad]."""
+        left = msgspec.structs.asdict(self)
+        return np.array([left.get(_OF_TENDON.sub("", name), 0.0) for name in channels])
 
 
 class Follow(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

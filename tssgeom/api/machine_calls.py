@@ -132,7 +132,7 @@ def commanded_machine(
             for name in cut
         },
     }
-    if tolerance is not None or any(each.stated for each in uncertain):
+    if tolerance is not None or any(each.stated for each in uncertain) or rig.unexplained:
         driven |= {name: columns[name] for name in columns.keys() & {"joint_torque_Nm"}}
         covariance = output_errors(arcs, rig, driven, uncertain, follows.outputs)
         errors = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))

@@ -268,14 +268,9 @@ class Finding(Result):
     def unexplained(self) -> Unexplained:
         """What the updated rig leaves beyond the sensors' errors, of held-out runs where there are; (354)."""
         runs = self.misfit.after["held_out"] or self.misfit.after["fitted"]
-        beyond = {name: self.misfit.noise[name] for name in runs}
-        beyond = {name: math.sqrt(max(runs[name] ** 2 - noise**2, 0.0)) for name, noise in beyond.items()}
-        pull = self.rig.load.stiffness_N_per_m * beyond.get("displacement_out_m", 0.0)
-        return Unexplained(
-            tension_in_N=beyond.get("tension_in_N", 0.0),
-            tension_out_N=beyond.get("tension_out_N", pull),
-            elongation_m=beyond.get("elongation_m", 0.0),
-        )
+        noise = self.misfit.noise
+        beyond = {name: rms**2 - noise.get(name, 0.0) ** 2 for name, rms in runs.items()}
+        return Unexplained.by_channel({name: math.sqrt(each) for name, each in beyond.items() if each > 0.0})
 
     @property
     def is_machine(self) -> bool:

@@ -121,8 +121,9 @@ def model_errors(ends: Transmission, rig: Rig, route: Arcs | None) -> DistalErro
     left, per_N = rig.unexplained, _load_compliance(rig)
     fed = 0.0 if route is None else _fed(ends, rig, route.total_length)
     ratio = ends.tension_out / ends.tension_in if ends.tension_in > 0.0 else 0.0
-    pull = math.hypot(left.tension_out_N, ratio * left.tension_in_N)
-    position = math.hypot(left.tension_out_N, fed * left.elongation_m)
+    own = left.tension_out_N or rig.load.stiffness_N_per_m * left.displacement_out_m
+    pull = math.hypot(own, ratio * left.tension_in_N)
+    position = math.hypot(own, fed * left.elongation_m)
     return DistalErrors(position, position * per_N, pull, pull * per_N)
 
 

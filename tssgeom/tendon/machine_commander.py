@@ -161,7 +161,8 @@ class MachineCommander:
         moves = lever(rig, wanted_of(follows, targets))
 
         def near(miss: Vector, inputs: Vector) -> bool:
-            of_end = moves @ covariance(as_inputs(follows, inputs, rig)) @ moves.T
+            whole = _with_unexplained(covariance(as_inputs(follows, inputs, rig)), rig, follows.outputs)
+            of_end = moves @ whole @ moves.T
             return is_near(moves @ miss, of_end, self.tolerance)
 
         return near
@@ -170,6 +171,7 @@ class MachineCommander:
         self, command: MachineCommand, covariance: Matrix, rig: Rig, targets: Mapping[str, float]
     ) -> MachineCommand:
         """Return a command with the errors of its outputs, and the probability that it misses its target."""
+        covariance = _with_unexplained(covariance, rig, tuple(command.outputs))
         errors = dict(zip(command.outputs, np.sqrt(np.diag(covariance)).tolist(), strict=True))
         risk = None
         if self.tolerance is not None:
@@ -193,6 +195,11 @@ def _covariance(follows: Following, variants: Sequence[MachineVariant]) -> Matri
     if not stand:
         return np.zeros((len(follows.outputs),) * 2)
     return covariance_of(np.array([outputs_of(follows, each) for each in stand]))
+
+
+def _with_unexplained(covariance: np.ndarray, rig: Rig, outputs: Sequence[str]) -> np.ndarray:
+    """Return a covariance of outputs [..., d, d] with what the model left of measured runs; (354)."""
+    return covariance + np.diag(np.square(rig.unexplained.of(outputs)))
 
 
 def output_errors(
@@ -229,7 +236,8 @@ def output_errors(
         routes = [routed(each.bent_route(one, one.total_angle_se), each.rig) for one in arcs]
         channels = simulated(machine_of(each.rig, routes), run).channels
         values.append(np.column_stack([channels[name] for name in outputs]))
-    return np.array([covariance_of(each) for each in np.swapaxes(np.array(values), 0, 1)])
+    covariance = np.array([covariance_of(each) for each in np.swapaxes(np.array(values), 0, 1)])
+    return _with_unexplained(covariance, rig, outputs)
 
 
 def machine_commander_of(
@@ -246,7 +254,7 @@ def machine_commander_of(
     if tolerance is not None and rig.end.kind == "blocked":
         raise SettingsError("--tolerance-mm is of an end that moves, and this one is blocked: leave it out")
     variants = _of_numbers(rig, uncertain)
-    if variants or waits or tolerance is not None:
+    if variants or waits or tolerance is not None or rig.unexplained:
         variants += _of_route(rig)
     return MachineCommander(tolerance, waits, variants)
 
