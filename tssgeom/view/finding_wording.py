@@ -178,6 +178,10 @@ def next_steps(finding: Finding) -> list[str]:
             f"Repeat {names}, and add a fitted run on route {held[0].route}: the misfit there stays."
         )
     steps += _remainder(finding)
+    if finding.verdict in ("unknown", "partial"):
+        steps.append(
+            "To use the rig meanwhile, write it with --with-errors: error bars then hold what is left."
+        )
     if not steps and finding.verdict == "tie" and (tied := effect_ties(finding)):
         names = " from ".join(plain(name) for name in tied[0].names[:2])
         designed = "--propose designs it" if finding.proposal is None else "the proposed runs are for that"
