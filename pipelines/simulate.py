@@ -111,6 +111,7 @@ def simulate(
             tension_in=values if by_tension else None,
             displacement_in=None if by_tension else values,
             temperature=temperature_of(run, settings),
+            uncertain=settings.uncertain,
         )
         title = f"{sensed.name} driven by {run.name}"
         moments = computed_rows(rows, run, shapes, title, quiet=quiet or as_json)

@@ -69,6 +69,19 @@ def test_simulate_gives_a_row_for_each_row_of_the_run(run: Run, half: Path, tmp_
     assert all(Path(file).is_file() for file in summary["files"])
 
 
+def test_a_rig_that_states_its_errors_gives_bars_to_a_simulation(run: Run, half: Path, tmp_path: Path):
+    """On the half circle T_out moves by T_out π for each unit of friction, and T_out counts what is left."""
+    drive = write_run(tmp_path / "drive.csv", time_s=[0, 1, 2], tension_in_N=[5.0, 15.0, 20.0])
+    rig = tmp_path / "rig.toml"
+    rig.write_text("friction.coefficient = { value = 0.145, sd = 0.01 }\nunexplained.tension_out_N = 0.2\n")
+    assert run("simulate", half, "--drive", drive, "--rig", rig, "--out", tmp_path / "out").status == 0
+    rows = papq.read_table(tmp_path / "out" / "simulate.parquet").to_pydict()
+    assert list(rows) == [*COLUMNS, "tension_out_se_N", "elongation_se_m"]
+    at_least = [math.hypot(0.01 * math.pi * pull, 0.2) for pull in rows["tension_out_N"]]
+    assert rows["tension_out_se_N"] == pytest.approx(at_least, rel=0.02)
+    assert all(error > 0.0 for error in rows["elongation_se_m"])
+
+
 def test_a_simulation_that_cannot_write_its_recording_leaves_no_table(run: Run, half: Path, tmp_path: Path):
     out = tmp_path / "out"
     (out / "simulate.rrd").mkdir(parents=True)

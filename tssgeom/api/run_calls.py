@@ -113,19 +113,20 @@ def simulate(  # pyright: ignore[reportInconsistentOverload]
     >>> [round(1e3 * float(moment.transmission.elongation), 3) for moment in run]
     [0.0, 1.904, 1.728]
     """
-    from tssgeom.api.inputs import rig_of, route_of, run_of, temperature_of, warnings_of_run
+    from tssgeom.api.inputs import route_of, run_of, temperature_of, uncertain_rig_of, warnings_of_run
     from tssgeom.api.runs import Simulation
     from tssgeom.tendon import simulation
     from tssgeom.tendon.moving import MovingRoute
 
-    rig = rig_of(rig)
+    rig, uncertain = uncertain_rig_of(rig)
+    begun: dict[str, Any] = {"state": state, "uncertain": uncertain}
     columns: dict[str, Any] = {
         "tension_in": tension_in,
         "displacement_in": displacement_in,
         "temperature": temperature,
     }
     if isinstance(route, MovingRoute):
-        rows = simulation.simulate(time, route, rig, **columns, state=state)
+        rows = simulation.simulate(time, route, rig, **columns, **begun)
         return Simulation(tuple(rows), angles=_angles(route, time))
     if any(each is not None for each in columns.values()):
         raise SettingsError("simulate: the run brings its drive: leave tension_in and displacement_in out")
@@ -137,7 +138,7 @@ def simulate(  # pyright: ignore[reportInconsistentOverload]
     warnings = warnings_of_run(run, rig, moving, fitted=False)
     name, drive = run.channel(_DRIVES)
     columns = {quantity_of(name): drive, "temperature": temperature_of(run, rig)}
-    rows = simulation.simulate(run.time, moving, rig, **columns, state=state)
+    rows = simulation.simulate(run.time, moving, rig, **columns, **begun)
     return Simulation(tuple(rows), run, _angles(moving, run.time), warnings)
 
 

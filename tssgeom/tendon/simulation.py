@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import repeat
@@ -17,11 +17,12 @@ from tssgeom.tendon.bars.model import setup_of
 from tssgeom.tendon.bars.sensors import Drive, check_drive
 from tssgeom.tendon.capstan import Transmission
 from tssgeom.tendon.command import Command
-from tssgeom.tendon.command_error import Step
+from tssgeom.tendon.command_error import Step, variants_of, with_rig_errors
 from tssgeom.tendon.commander import Commander, Target, commander_of
 from tssgeom.tendon.moving import MovingRoute
 from tssgeom.tendon.sensor_errors import readings, sensors_err, true_tension
 from tssgeom.tendon.state import TendonState, pretensioned, step, transmit
+from tssgeom.uncertain import Uncertain
 
 Phase = Literal["pull", "pull_to_release", "release", "release_to_pull", "hold"]
 """The four phases of the paper's figure 5, those with `_to_` being dead zones; and a drive that rests."""
@@ -54,11 +55,13 @@ class Moment:
     state: TendonState
     """Tension along the tendon."""
     transmission: Transmission
-    """Tension at both ends, elongation and displacements."""
+    """Tension at both ends, elongation and displacements, with their standard errors."""
     phase: Phase
     """What the tendon does: pull, release, a dead zone between them, or hold."""
     readings: Mapping[str, float]
     """What the sensors read, by the names of the columns of a run [N, m]; empty where these are true."""
+    counts_rig: bool = False
+    """Whether standard errors count what the rig states of its own errors beside those of the route."""
 
 
 def simulate(
@@ -70,6 +73,7 @@ def simulate(
     displacement_in: Vector | None = None,
     temperature: Vector | None = None,
     state: TendonState | None = None,
+    uncertain: Sequence[Uncertain] = (),
 ) -> Iterator[Moment]:
     """Drive a tendon through a run, one moment for each of its times.
 
@@ -88,38 +92,48 @@ def simulate(
         [n] Temperature [°C]; the same throughout where left out.
     state
         Tension along the tendon before the run; the rig's pretension by default.
+    uncertain
+        Numbers of the rig that have an error.
 
     Raises
     ------
     SettingsError, FitError
-        As `tssgeom.tendon.state.step`; where the sensor of the drive lags.
+        As `tssgeom.tendon.state.step`; where the sensor of the drive lags, or a number of the rig is out of
+        bounds a standard deviation from its value.
 
     Notes
     -----
-    Source: docs/model.md (1) to (6), (40) to (47); Sun, Wang and Phee (2014), Theorem 1 and Fig. 5.
+    Sources: docs/model.md (1) to (6), (40) to (47), (212), (354); Sun, Wang and Phee (2014), Theorem 1 and
+    Fig. 5.
     """
     current = _begun(time, rig) if state is None else state
     name: Drive = "displacement_in_m" if tension_in is None else "tension_in_N"
     check_drive(setup_of(rig), name)
-    last: float | None = None
+    counts = bool(uncertain or rig.unexplained)
+    variants, last = variants_of(rig, uncertain, current) if counts else (), None
     rows = zip(
         time, _each(tension_in, time), _each(displacement_in, time), _each(temperature, time), strict=True
     )
     for moment, read, position, warm in rows:
+        arcs = route.at(float(moment))
         with _at(float(moment)):
             pull = None if read is None else true_tension(rig, read)
             current = step(
                 current,
-                route.at(float(moment)),
+                arcs,
                 rig,
                 tension_in=pull,
                 displacement_in=position,
                 time=float(moment),
                 temperature=warm,
             )
+            at = Step(arcs, float(moment), warm)
+            variants = tuple(each.driven(at, position, pull) for each in variants)
         ends, drive = transmit(current, rig), position if read is None else read
+        if counts:
+            ends = with_rig_errors(ends, variants, rig, current.route, by_tension=read is not None)
         sensed = readings(current, rig) | {name: drive or 0.0} if sensors_err(rig) else {}
-        yield Moment(float(moment), current, ends, _phase(last, drive or 0.0, ends), sensed)
+        yield Moment(float(moment), current, ends, _phase(last, drive or 0.0, ends), sensed, counts)
         last = drive or 0.0
 
 

@@ -17,6 +17,7 @@ from tssgeom.io.results.shapes import frame_row
 from tssgeom.route.pieces import Arcs
 from tssgeom.stream import FrameResult, Rejected
 from tssgeom.summary import RunningSummary
+from tssgeom.tendon.capstan import Transmission
 from tssgeom.tendon.command import Command
 from tssgeom.tendon.simulation import Moment
 
@@ -242,6 +243,11 @@ SIMULATE = pa.schema(
     ]
 )
 """A row for each row of the run; where effects distort sensors, `read_` columns hold their readings."""
+ERRORS = (
+    field("tension_out_se_N", "standard error of the distal tension, by route and rig"),
+    field("elongation_se_m", "standard error of the elongation, by route and rig"),
+)
+"""Where the rig states errors of its own."""
 
 COMPENSATE = pa.schema(
     [
@@ -266,7 +272,8 @@ READING = field("read_tension_in_N", "reading of the sensor of that tension, whe
 def simulation_table(moments: Sequence[Moment]) -> pa.Table:
     """Return the rows of a simulation, with the readings of distorted sensors; see `SIMULATE`."""
     readings = moments[0].readings if moments else {}
-    fields = [field(f"read_{name}", f"{name} as its sensor reads it") for name in readings]
+    fields = [*ERRORS] if moments and moments[0].counts_rig else []
+    fields += [field(f"read_{name}", f"{name} as its sensor reads it") for name in readings]
     return _table(pa.schema([*SIMULATE, *fields]), [simulation_row(moment) for moment in moments])
 
 
@@ -283,8 +290,13 @@ def simulation_row(moment: Moment) -> dict[str, Any]:
         "phase": moment.phase,
         "direction_index": transmission.direction_index,
         "dead_zone_N": transmission.dead_zone_width,
+        **(_errors(transmission) if moment.counts_rig else {}),
         **{f"read_{name}": value for name, value in moment.readings.items()},
     }
+
+
+def _errors(transmission: Transmission) -> dict[str, float]:
+    return {"tension_out_se_N": transmission.tension_out_se, "elongation_se_m": transmission.elongation_se}
 
 
 def commands_table(time: Sequence[float | None], commands: Sequence[Command]) -> pa.Table:
