@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from tssgeom.api.inputs import SensedFrames
     from tssgeom.io.formats.runs import MeasuredRun
     from tssgeom.io.results.keys.runs import Simulated
+    from tssgeom.tendon.capstan import Transmission
     from tssgeom.tendon.simulation import Moment
 
 TABLE, PICTURE = "simulate.parquet", "simulate.rrd"
@@ -126,8 +127,15 @@ def simulate(
         elif not quiet:
             title = f"{sensed.name} driven by {channel} of {run.name}: {len(moments)} rows"
             print_table(title + with_effects(settings), _COLUMNS, _rows(moments))
+            if moments[0].counts_rig:
+                print_line(_errors([moment.transmission for moment in moments]))
             print_line(f"table: {out / TABLE}   picture: tssgeom view {out / PICTURE}")
         raise typer.Exit(1 if sensed.rejected else 0)
+
+
+def _errors(ends: Sequence[Transmission]) -> str:
+    most = (max(each.tension_out_se for each in ends), 1e3 * max(each.elongation_se for each in ends))
+    return f"standard errors by route and rig: T_out up to {most[0]:.2g} N, δ up to {most[1]:.2g} mm"
 
 
 def summary(

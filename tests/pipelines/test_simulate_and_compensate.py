@@ -74,7 +74,9 @@ def test_a_rig_that_states_its_errors_gives_bars_to_a_simulation(run: Run, half:
     drive = write_run(tmp_path / "drive.csv", time_s=[0, 1, 2], tension_in_N=[5.0, 15.0, 20.0])
     rig = tmp_path / "rig.toml"
     rig.write_text("friction.coefficient = { value = 0.145, sd = 0.01 }\nunexplained.tension_out_N = 0.2\n")
-    assert run("simulate", half, "--drive", drive, "--rig", rig, "--out", tmp_path / "out").status == 0
+    done = run("simulate", half, "--drive", drive, "--rig", rig, "--out", tmp_path / "out")
+    assert done.status == 0
+    assert "T_out up to 0.45 N" in done.out
     rows = papq.read_table(tmp_path / "out" / "simulate.parquet").to_pydict()
     assert list(rows) == [*COLUMNS, "tension_out_se_N", "elongation_se_m"]
     at_least = [math.hypot(0.01 * math.pi * pull, 0.2) for pull in rows["tension_out_N"]]
