@@ -18,7 +18,7 @@ from scipy.stats import beta
 
 from benchmarks import ABSENT, number, share, table
 from tests.bristle.bands import band_share
-from tssgeom.identify.mechanisms import MECHANISM_OF
+from tssgeom.identify.mechanism_names import MECHANISM_OF
 
 Report = Mapping[str, Any]
 NAMING = ("effect", "tie", "law", "partial")

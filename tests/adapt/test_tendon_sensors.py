@@ -11,7 +11,7 @@ from tssgeom.adapt.follower import Follower
 from tssgeom.adapt.readings import Moment, Readings
 from tssgeom.adapt.rig_filter import RigFilter
 from tssgeom.adapt.saved import filter_object, filter_of
-from tssgeom.effects import ChannelLag, LoadPlay, SensorLaw
+from tssgeom.effects import Backlash, ChannelLag, LoadFriction, LoadPlay, SensorLaw
 from tssgeom.errors import SettingsError
 from tssgeom.rig import Sensor
 from tssgeom.tendon.bars.model import predict
@@ -36,11 +36,16 @@ def moments(known, noise=0.0):
         yield Moment(float(time), ARCS, readings)
 
 
-def test_members_read_what_lagging_sensors_and_a_load_with_play_do():
+INSIDE = (ChannelLag(lag_s=LAG), LoadPlay(width_m=WIDTH, open_m=1e-4), Backlash(width_m=WIDTH, open_m=2e-4))
+
+
+@pytest.mark.parametrize("effects", [LATE.effects, (*INSIDE, LoadFriction(force_N=0.3))])
+def test_members_read_what_lagging_sensors_and_a_load_with_play_do(effects):
+    late = msgspec.structs.replace(LATE, effects=effects)
     one = RigFilter(
-        msgspec.structs.replace(LATE, sensors={}), [number("friction.coefficient", 0.145, 1e-12)], ARCS
+        msgspec.structs.replace(late, sensors={}), [number("friction.coefficient", 0.145, 1e-12)], ARCS
     )
-    known = measured(LATE)
+    known = measured(late)
     assert np.abs(known["tension_out_N"] - measured(RIG)["tension_out_N"]).max() > 0.3
     assert np.abs(known["elongation_m"] - measured(RIG)["elongation_m"]).max() > 0.9 * WIDTH
     for moment in moments(known):

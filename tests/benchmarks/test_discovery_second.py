@@ -18,7 +18,7 @@ from benchmarks.discovery_scores import (
 from tests.bristle import CAUSES, MECHANISMS, PAIR_CAUSES
 from tssgeom.effects import KINDS
 from tssgeom.identify.machine_parts import MEANINGS
-from tssgeom.identify.mechanisms import MECHANISM_OF
+from tssgeom.identify.mechanism_names import MECHANISM_OF
 
 X = np.linspace(0.0, 0.04, 30)
 FALLING = 1.0 + 0.25 * np.exp(-X / 4e-3)

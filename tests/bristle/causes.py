@@ -142,6 +142,23 @@ def _drive_play(case: Case) -> None:
     case.rig.drive_play = case.parameters["play_m"] = 0.3e-3 * case.size
 
 
+def _inside(play: Callable[[Case], None]) -> Callable[[Case], None]:
+    """A play of which each run has a part to take up when it begins."""
+
+    def build(case: Case) -> None:
+        play(case)
+        share = case.parameters["open_share"] = float(case.rng.uniform(0.3, 0.7))
+        case.rig.drive_play_open = share * case.rig.drive_play
+        if not case.rig.drive_play:
+            width = case.parameters["play_m"]
+            case.readings.clear()
+            case.reads(
+                "displacement_out", lambda value, _: laws.play(value, width, share * width) - share * width
+            )
+
+    return build
+
+
 def _presliding(case: Case) -> None:
     breakaway = 0.2e-3 * case.size
     at, share = laws.dahl(breakaway)
@@ -246,6 +263,12 @@ def _load_fitting(case: Case) -> None:
     case.rig.load_friction = case.parameters["force_N"] = 0.5 * case.size
 
 
+def _load_friction(case: Case) -> None:
+    """A load that slides on a bench: it moves late, though the cell before it reads what pulls."""
+    case.rig.load_friction = case.parameters["force_N"] = 0.5 * case.size
+    case.rig.cell_at_tendon = True
+
+
 def _zero(channel: str, height: float) -> Callable[[Case], None]:
     def build(case: Case) -> None:
         case.parameters["offset_N"] = offset = height * case.size
@@ -276,6 +299,8 @@ CAUSES: dict[str, Cause] = {
     "two_time_creep": Cause("strain_over_time", _two_time_creep, rates=_SLOW),
     "load_play": Cause("play_at_load", _load_play, "load_play", LOAD_MOVE),
     "drive_play": Cause("play_at_drive", _drive_play, "backlash", plans=POSITION),
+    "load_play_inside": Cause("play_at_load", _inside(_load_play), "load_play", LOAD_MOVE),
+    "drive_play_inside": Cause("play_at_drive", _inside(_drive_play), "backlash", plans=POSITION),
     "presliding": Cause("presliding", _presliding, "presliding"),
     "curved_tension_in": Cause("sensor_curve", _curved("tension_in", 2)),
     "curved_tension_out": Cause("sensor_curve", _curved("tension_out", 3), plans=LOAD_CELL),
@@ -298,6 +323,7 @@ CAUSES: dict[str, Cause] = {
     "bend": Cause("route_angle", _bend, "hidden_bend"),
     "near_fitting": Cause("friction_at_end", _near_fitting, "end_fitting_friction_proximal"),
     "load_fitting": Cause("friction_at_end", _load_fitting, "end_fitting_friction_distal", plans=LOAD_CELL),
+    "load_friction": Cause("friction_at_load", _load_friction, "load_friction", ("full", "elongation")),
     "zero_out": Cause("sensor_zero", _zero("tension_out", 0.35), "tension_out_offset", LOAD_CELL),
     "zero_in": Cause("sensor_zero", _zero("tension_in", 0.35), "tension_in_offset", ("full", "elongation")),
     "gain_out": Cause("sensor_gain", _gain("tension_out", 0.05), "tension_out_gain", LOAD_CELL),

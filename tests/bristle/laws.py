@@ -182,9 +182,9 @@ def dahl(breakaway: float, kinds: int = 10) -> tuple[tuple[float, ...], tuple[fl
     return tuple(float(x) for x in at), (1.0 / kinds,) * kinds
 
 
-def play(values: Array, width: float) -> Array:
-    """Return what follows a movement with a play [m], which is taken up for pulling at first."""
-    rows, at = [], values[0]
+def play(values: Array, width: float, open_: float = 0.0) -> Array:
+    """Return what follows a movement with a play [m], of which `open_` [m] is to be taken up for pulling."""
+    rows, at = [], values[0] + open_
     for value in values:
         at = min(max(at, value), value + width)
         rows.append(at)

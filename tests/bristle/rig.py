@@ -57,8 +57,12 @@ class Rig:
     """Force over stretch between drive and tendon."""
     near_friction: float = 0.0
     load_friction: float = 0.0
+    cell_at_tendon: bool = False
+    """Whether the distal cell stands before the friction of the load, not behind it."""
     drive_play: float = 0.0
     """Between drive and tendon [m]."""
+    drive_play_open: float = 0.0
+    """Of it, what is to be taken up when a run begins [m]."""
     bristles: Bristles = field(default_factory=Bristles)
     numerics: Numerics = field(default_factory=Numerics)
 
@@ -108,7 +112,9 @@ def run(rig: Rig, sheath: Sheath, time: Array, drive: Array, acts: Acts) -> dict
     [m], and of the reach of laws: `slide_speed` [m/s], `slide_travel` [m], `tension_low`, `tension_high` [N].
     """
     chain = Chain(rig.build(sheath))
-    moved = play(drive, rig.drive_play) if rig.drive == "position" else drive
+    moved = drive
+    if rig.drive == "position":
+        moved = play(np.append(0.0, drive), rig.drive_play, rig.drive_play_open)[1:] - rig.drive_play_open
     rows = list[tuple[float, ...]]()
     longest = stride(acts)
     most = longest.move_m if rig.drive == "position" else longest.tension_N
@@ -123,7 +129,7 @@ def run(rig: Rig, sheath: Sheath, time: Array, drive: Array, acts: Acts) -> dict
         rows.append(
             (
                 chain.tension_in,
-                chain.load_force,
+                chain.load_tensions[0] if rig.cell_at_tendon else chain.load_force,
                 chain.drive_move,
                 chain.load_move,
                 float(np.max(np.abs(chain.slip_rate))),

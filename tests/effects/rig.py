@@ -44,6 +44,7 @@ PHYSICS = {
     "thermal_drift": {"expansion_per_K": 1.5e-5},
     "pretension_error": {"pretension_N": 2.6},
     "backlash": {"backlash_m": 2e-4},
+    "load_friction": {"load_friction_N": 0.3},
 }
 """The typical size of each effect, in the words of the lumped simulator."""
 

@@ -17,6 +17,7 @@ from tssgeom.effects import (
     HiddenBend,
     LoadCellCrosstalk,
     LoadDependentFriction,
+    LoadFriction,
     PretensionError,
     SeriesComplianceDistal,
     SeriesComplianceProximal,
@@ -179,6 +180,17 @@ def test_g5_drag_is_straight_friction_at_one_speed_and_not_at_another():
     assert size.min() > 0.3
     assert np.abs(dragged(2e-3, drag) - dragged(2e-3, dry)).max() < NEARLY * size.max()
     assert (dragged(2e-2, drag) - dragged(2e-2, dry)).min() > 3.0
+
+
+def test_g4_friction_of_the_load_is_a_fitting_to_all_but_a_cell_before_it():
+    for drive in (FORCE, POSITION):
+        load, fitting = (
+            modelled(drive, kind(force_N=0.3)) for kind in (LoadFriction, EndFittingFrictionDistal)
+        )
+        others = [channel for channel in CHANNELS if channel != "tension_out_N"]
+        same(load, fitting, others)
+        apart = load["tension_out_N"] - fitting["tension_out_N"]
+        assert np.abs(apart).max() == pytest.approx(0.3, rel=ROUNDING)
 
 
 def test_g5_friction_by_speed_is_friction_at_one_speed_and_not_at_another():

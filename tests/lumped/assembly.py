@@ -66,7 +66,9 @@ def chain(path: Path, physics: Physics, distal: Distal, force_driven: bool) -> C
             p.fitting_in_ratio,
             p.fitting_out_ratio,
         ),
-        floor=_ended(p.straight_friction_N_per_m * share, p.fitting_in_N, p.fitting_out_N),
+        floor=_ended(
+            p.straight_friction_N_per_m * share, p.fitting_in_N, p.fitting_out_N + p.load_friction_N
+        ),
         drag=_ended(p.viscous_drag_Ns_per_m2 * share, 0.0, 0.0),
         share=_ended(share, share[0], share[-1]),
         asymmetry=float(p.asymmetry),

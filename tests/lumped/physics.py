@@ -61,6 +61,8 @@ class Physics:
     fitting_in_N: float = 0.0
     """Constant Coulomb force of the fitting at the proximal end [N]."""
     fitting_out_N: float = 0.0
+    load_friction_N: float = 0.0
+    """Of a load that slides on its bench; the distal cell stands before it [N]."""
     fitting_in_ratio: float = 0.0
     """Coulomb force of the fitting per mean tension of its two sides [1]."""
     fitting_out_ratio: float = 0.0
@@ -105,6 +107,8 @@ class Physics:
             raise ValueError(
                 f"slack {self.slack_m} m with pretension {self.pretension_N} N: a slack tendon has none"
             )
+        if self.load_friction_N and (self.fitting_out_N or self.fitting_out_ratio):
+            raise ValueError("friction of load and distal fitting: one contact has both, give one of them")
         if self.load_exponent <= -1.0:
             raise ValueError(
                 f"load exponent {self.load_exponent}: friction force would fall with load; keep it > -1"

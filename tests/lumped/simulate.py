@@ -1,7 +1,7 @@
 """One run: path, physics, drive and far end in, plain arrays out."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -95,7 +95,10 @@ def simulate(
         "weight": position[:, -1],
     }[distal.kind]
     displayed = displacement_by_force(records, parts, physics) if drive.kind == "force" else values[keep]
-    return run_of(grid[keep], displayed, out, records, (steps, passes), path, celsius_of(drive, grid[keep]))
+    run = run_of(grid[keep], displayed, out, records, (steps, passes), path, celsius_of(drive, grid[keep]))
+    if physics.load_friction_N:  # the cell stands before what rubs
+        run = replace(run, tension_out=run.tension_out + run.friction[:, -1])
+    return run
 
 
 def prepared(

@@ -19,7 +19,7 @@ from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
 from tssgeom.tendon.bars.bar_state import BarState, to_corners
 from tssgeom.tendon.bars.model import Model, model_of, moved, setup_of
-from tssgeom.tendon.bars.plant import Memory
+from tssgeom.tendon.bars.plant import Memory, load_friction
 from tssgeom.tendon.bars.with_effects import cut, effective_setup
 from tssgeom.tendon.capstan import Transmission
 from tssgeom.tendon.moving import unmoved
@@ -147,6 +147,7 @@ class FollowedTendon(OnSensedRoute):
             span=span,
             front=self._front,
             model=self._model_on(now, setup, route),
+            load_friction=load_friction(setup),
         )
         return TendonState(along, route, time)
 

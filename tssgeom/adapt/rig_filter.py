@@ -61,7 +61,7 @@ class TendonSensors:
                 f"{setup.distal_delay_s:g} s off the times of its columns, and leave the effect out"
             )
         self._late = [(CHANNELS.index(name), lag) for name, lag in setup.lags if name in CHANNELS]
-        self._play = setup.load_play_m
+        self._play, self._open = setup.load_play_m, setup.load_play_open_m
         self._first = list(keys).index(LAG) if LAG in keys else -1
         self._width = list(keys).index(PLAY) if PLAY in keys else -1
         has_history = bool(self._late) or self._play > 0.0 or self._width >= 0
@@ -88,8 +88,9 @@ class TendonSensors:
         read, kept = true.copy(), block.copy()
         if self._play > 0.0 or self._width >= 0:
             width = self._play if self._width < 0 else np.maximum(numbers[:, self._width], 0.0)
-            kept[:, 0] = behind_play(position, width, block[:, 0])
-            read[:, CHANNELS.index("elongation_m")] += position - kept[:, 0]
+            before = np.where(np.isnan(block[:, 0]), position + self._open, block[:, 0])
+            kept[:, 0] = behind_play(position, width, before)
+            read[:, CHANNELS.index("elongation_m")] += position - (kept[:, 0] - self._open)
         for k, (channel, lag) in enumerate(self._late):
             follows = k == 0 and self._first >= 0
             at, late = PLAYS + 2 * k, np.maximum(numbers[:, self._first], 0.0) if follows else lag
@@ -182,6 +183,8 @@ class RigFilter(Ensemble):
         if by_force and not readings.commanded:
             zero, gain = lines.of_tension_in(self.members[rows])
             drive = np.maximum((drive - zero) / gain, 0.0)
+        taken_up = self._setup.backlash_open_m  # docs/model.md (334)
+        drive = drive if by_force else drive - taken_up
         done, memory, ends, predicted = core.step_ensemble(
             self.edge,
             lines.plant,
@@ -198,12 +201,14 @@ class RigFilter(Ensemble):
             at.arcs is not self.cut,
             by_force,
             start.by_force,
-            start.position,
+            start.position - taken_up,
             drive,
             max(span, BAR.least_time),
             at.warmth,
         )
         self._require_all(done, rows, "tendon")
+        ends[:, 2] += taken_up
+        predicted[:, CHANNELS.index("elongation_m")] += taken_up
         block = start.block
         if self.sensors.columns:
             kept = (self.members[rows], start.block[rows])

@@ -34,7 +34,7 @@ class LawRows(NamedTuple):
     high: int = 11
     """exp(releasing + fitting): greatest T[i+1] over T[i] [1]."""
     force: int = 12
-    """Constant friction [N]."""
+    """Constant friction; its last column, which has no contact, is that of the load alone [N]."""
     drag: int = 13
     """Friction per speed [N·s/m]."""
     creep_soft_2: int = 14
@@ -162,7 +162,8 @@ class MemoryRows(NamedTuple):
     speed: int = 4
     """Of each contact in the last step [m/s]."""
     travel: int = 5
-    """Path that each contact slid so far, either way [m]."""
+    """Path that each contact slid so far, either way [m]; in the last column, which has no contact, the
+    tension before the friction of the load [N]."""
     slip: int = 6
     """What each contact did last: +1 slid on a pull, 0 stuck, −1 slid on a release."""
     creep_2: int = 7

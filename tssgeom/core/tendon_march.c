@@ -143,7 +143,8 @@ int record(const bar_laws *laws, const bar_memory *memory, int by_force, double 
     const double *tension = memory->tension;
     double *held = memory->held, slope;
     int64_t last_bar = laws->k;
-    out[0] = tension[0], out[1] = tension[last_bar], out[2] = held[HELD.drive];
+    out[0] = tension[0], out[2] = held[HELD.drive];
+    out[1] = laws->force[last_bar] > 0.0 ? memory->travel[last_bar] : tension[last_bar];
     if (by_force) { /* docs/model.md (59) */
         double shift = memory->displacement[0] + stretch_of(laws, 0, tension[0], &slope) - laws->rest[0];
         double lag = held[HELD.lag] + (held[HELD.shift] - shift) * laws->backlash / BAR.turn;
@@ -158,6 +159,17 @@ int record(const bar_laws *laws, const bar_memory *memory, int by_force, double 
         out[3] += table_value(path, tension[last_bar], &slope) - table_value(path, laws->pretension, &slope);
     out[4] = memory->slip[0], out[5] = memory->slip[last_bar - 1];
     return isfinite(out[0] + out[1] + out[2] + out[3]);
+}
+
+/* Tension before the friction of the load, which the last contact has too; docs/model.md (333). */
+static void hold_load(const bar_laws *laws, const bar_memory *memory, const bar_chain *c) {
+    int64_t k = laws->k;
+    double rubs = laws->force[k], near = memory->tension[k - 1], load = memory->tension[k];
+    double other = laws->force[k - 1] - rubs, low = c->low[k - 1] * near - other,
+           high = c->high[k - 1] * near + other;
+    if (rubs <= 0.0) return;
+    if (memory->slip[k - 1] != STUCK) memory->travel[k] = load + rubs * memory->slip[k - 1];
+    else memory->travel[k] = within(within(memory->travel[k], low, high), load - rubs, load + rubs);
 }
 
 int take_sample(
@@ -186,6 +198,7 @@ int take_sample(
                 laws, memory, room, by_force, target, laws->pretension, warm, span, laws->rest, &solves);
             if (!(change <= 1e2 * SOLVER.accepted)) return 0;
         }
+        hold_load(laws, memory, &room->chain);
     }
     held[HELD.drive] = drive, held[HELD.warmth] = warmth, held[HELD.rate] = rate;
     return 1;

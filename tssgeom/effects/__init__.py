@@ -21,6 +21,7 @@ from tssgeom.effects.ends import (
     Backlash,
     ChannelLag,
     LoadCellCrosstalk,
+    LoadFriction,
     LoadPlay,
     PretensionError,
     TensionInGain,
@@ -66,6 +67,7 @@ Library: TypeAlias = (
     | ThermalDrift
     | PretensionError
     | Backlash
+    | LoadFriction
     | LoadPlay
     | TensionInGain
     | TensionOutGain
@@ -152,6 +154,7 @@ __all__ = [
     "Library",
     "LoadCellCrosstalk",
     "LoadDependentFriction",
+    "LoadFriction",
     "LoadLaw",
     "LoadPlay",
     "Parameter",

@@ -11,6 +11,10 @@ from tssgeom.errors import SettingsError
 
 _GAIN = Parameter("1", -0.5, 1.0, 0.03, 0.03)
 _OFFSET = Parameter("N", -20.0, 20.0, 0.25, 0.3)
+_PLAY = {
+    "width_m": Parameter("m", 0.0, 0.02, 2e-4, 3e-4),
+    "open_m": Parameter("m", 0.0, 0.02, 0.0, 3e-4),  # 0 is a run that starts engaged
+}
 _WEIGHT = "hang a known weight on each load cell"
 _ONE_WAY = "only tensions were measured, and the whole tendon slides in one direction"
 _NO_LOSS = "a sheath without friction, the zero of displacement unknown"
@@ -50,37 +54,65 @@ class PretensionError(Effect, frozen=True):
 
 
 class Backlash(Effect, frozen=True):
-    """Motion that the drive loses when it turns back: a play of its width; docs/model.md (59).
+    """Motion that the drive loses when it turns back: a play of its width; docs/model.md (59), (334).
 
-    It starts engaged for pulling. Source: M. Nordin, P.-O. Gutman, Controlling mechanical systems with
-    backlash, Automatica 38 (2002).
+    Each run starts with `open_m` of it to be taken up for pulling: engaged where that is 0. Source:
+    M. Nordin, P.-O. Gutman, Controlling mechanical systems with backlash, Automatica 38 (2002).
     """
 
     width_m: float
     """Motion lost at each turn [m]."""
+    open_m: float = 0.0
+    """Motion that pulls nothing when a run begins, at most the width [m]."""
 
     hook: ClassVar[Hook] = "boundary"
-    adds: ClassVar[dict[str, str]] = {"backlash_m": "width_m"}
     by_force: ClassVar[tuple[Channel, ...]] = PATHS
-    parameters: ClassVar[dict[str, Parameter]] = {"width_m": Parameter("m", 0.0, 0.02, 2e-4, 3e-4)}
+    parameters: ClassVar[dict[str, Parameter]] = _PLAY
     ties: ClassVar[tuple[Tie, ...]] = ()
+
+    def on(self, setup: Setup) -> Setup:
+        """Return the setup with this effect in it."""
+        return replace(setup, backlash_m=self.width_m, backlash_open_m=min(self.open_m, self.width_m))
+
+
+class LoadFriction(Effect, frozen=True):
+    """The load itself rubs, a slider on its bench: it moves after T_out has changed by twice this.
+
+    T_out is that of the tendon, before the load. Equation: docs/model.md (333). Source: Coulomb friction.
+    """
+
+    force_N: float
+    """Friction force of the load [N]."""
+
+    hook: ClassVar[Hook] = "boundary"
+    adds: ClassVar[dict[str, str]] = {"load_friction_N": "force_N"}
+    by_force: ClassVar[tuple[Channel, ...]] = ("displacement_in_m", "displacement_out_m")
+    parameters: ClassVar[dict[str, Parameter]] = {"force_N": Parameter("N", 0.0, 20.0, 0.3, 0.5)}
+    ties: ClassVar[tuple[Tie, ...]] = (
+        Tie("G4", ("end_fitting_friction_distal",), "T_out is not measured", "a cell before the load"),
+    )
 
 
 class LoadPlay(Effect, frozen=True):
-    """Play between the load and what measures its way; docs/model.md (319).
+    """Play between the load and what measures its way; docs/model.md (319), (334).
 
-    It starts engaged for pulling, and acts on a measured elongation too. Source: as that of `Backlash`.
+    It begins as that of `Backlash`, and acts on a measured elongation too. Source: as there.
     """
 
     width_m: float
     """Motion that is not read after each turn [m]."""
+    open_m: float = 0.0
+    """Motion towards the tendon that is not read when a run begins, at most the width [m]."""
 
     hook: ClassVar[Hook] = "observation"
-    adds: ClassVar[dict[str, str]] = {"load_play_m": "width_m"}
     by_force: ClassVar[tuple[Channel, ...]] = ("displacement_out_m", "elongation_m")
     by_position: ClassVar[tuple[Channel, ...]] = ("displacement_out_m", "elongation_m")
-    parameters: ClassVar[dict[str, Parameter]] = {"width_m": Parameter("m", 0.0, 0.02, 2e-4, 3e-4)}
+    parameters: ClassVar[dict[str, Parameter]] = _PLAY
     ties: ClassVar[tuple[Tie, ...]] = ()
+
+    def on(self, setup: Setup) -> Setup:
+        """Return the setup with this effect in it."""
+        return replace(setup, load_play_m=self.width_m, load_play_open_m=min(self.open_m, self.width_m))
 
 
 class TensionInGain(Effect, frozen=True):

@@ -152,6 +152,8 @@ class Setup:
 
     # boundary
     backlash_m: float = 0.0
+    backlash_open_m: float = 0.0
+    load_friction_N: float = 0.0
 
     # sensors
     tension_in_gain: float = 1.0
@@ -160,6 +162,7 @@ class Setup:
     tension_out_offset_N: float = 0.0
     crosstalk: float = 0.0
     load_play_m: float = 0.0
+    load_play_open_m: float = 0.0
     lags: tuple[tuple[Channel, float], ...] = ()
     """Channel and time constant [s] of each lag."""
     distal_delay_s: float = 0.0

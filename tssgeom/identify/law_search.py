@@ -15,7 +15,8 @@ import numpy as np
 from tssgeom.errors import FitError, SettingsError
 from tssgeom.identify.fit import Fit, Point, Problem, explained, freed
 from tssgeom.identify.law_fit import Added, LawFit, Score, Term, fitted, score, with_bands, with_finest_knots
-from tssgeom.identify.mechanisms import MECHANISM_OF, Mechanism, mechanisms
+from tssgeom.identify.mechanism_names import MECHANISM_OF
+from tssgeom.identify.mechanisms import Mechanism, mechanisms
 from tssgeom.identify.misfit import HeldOut
 from tssgeom.identify.prediction import FINE, simulated
 from tssgeom.identify.screening import Variant, detected_size, screening, variants

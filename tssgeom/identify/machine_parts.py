@@ -21,7 +21,7 @@ from tssgeom.identify.fit import FIT
 from tssgeom.identify.machine_laws import FreeLaw
 from tssgeom.identify.machine_parameters import Parameter
 from tssgeom.identify.machine_run import LIMITS, MachineRun
-from tssgeom.identify.mechanisms import CURVE_OF, MECHANISM_OF
+from tssgeom.identify.mechanism_names import CURVE_OF, MECHANISM_OF
 from tssgeom.plausibility.limits import LIMITS as PLAUSIBLE
 from tssgeom.rig import Rig, with_values
 from tssgeom.uncertain import Prior, behind_gear, keys_of
@@ -128,17 +128,19 @@ _VARIANTS = {
     "slack_take_up": ({"end": "proximal"}, {"end": "distal"}),
     "presliding": ({"law": "prandtl"}, {"law": "dahl"}),
 }
-_NOT_HERE = (  # observation is by channel here; the pretension is a number of the rig
-    "tension_in_gain",
-    "tension_out_gain",
-    "tension_in_offset",
-    "tension_out_offset",
-    "channel_lag",
-    "load_cell_crosstalk",
-    "load_play",
-    "thermal_drift",
-    "pretension_error",
-)
+_OF_CHANNELS = "channels of a machine have gains, lags and zeros of their own"
+_NOT_HERE = {  # observation is by channel here; the pretension is a number of the rig
+    "tension_in_gain": _OF_CHANNELS,
+    "tension_out_gain": _OF_CHANNELS,
+    "tension_in_offset": _OF_CHANNELS,
+    "tension_out_offset": _OF_CHANNELS,
+    "channel_lag": _OF_CHANNELS,
+    "load_cell_crosstalk": _OF_CHANNELS,
+    "load_friction": "friction of a joint is joint_friction",
+    "load_play": "play behind a joint is end_play",
+    "thermal_drift": "the model of a machine has no temperature",
+    "pretension_error": "",
+}
 
 
 def parts_of(rig: Rig, free: Sequence[str], runs: Sequence[MachineRun]) -> tuple[Part, ...]:
@@ -148,9 +150,7 @@ def parts_of(rig: Rig, free: Sequence[str], runs: Sequence[MachineRun]) -> tuple
 
 def absent_parts(rig: Rig, runs: Sequence[MachineRun]) -> Mapping[str, str]:
     """Return by name the effects of the library that are not tried on a machine, and why."""
-    why = dict.fromkeys(_NOT_HERE[:6], "channels of a machine have gains, lags and zeros of their own")
-    why |= {"thermal_drift": "the model of a machine has no temperature"}
-    why |= {"load_play": "play behind a joint is end_play"}
+    why = {name: reason for name, reason in _NOT_HERE.items() if reason}
     if any(run.drive == "motor_angle_rad" for run in runs):
         why["backlash"] = "play of the motor is drive_play"
     if any(run.drive in ("tension_in", "motor_torque_Nm") for run in runs):

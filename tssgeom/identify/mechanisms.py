@@ -24,52 +24,6 @@ from tssgeom.plausibility.limits import LIMITS as PLAUSIBLE
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
 
-CURVE_OF = {"gain": "sensor_curve", "drift_per_s": "sensor_drift"}  # of a sensor
-MECHANISM_OF = {
-    "load_dependent_friction": "friction_over_tension",
-    "velocity_dependent_friction": "friction_over_speed",
-    "viscous_drag": "friction_over_speed",
-    "straight_section_friction": "friction_without_bend",
-    "curvature_dependent_friction": "friction_over_curvature",
-    "asymmetric_friction": "friction_over_direction",
-    "friction_drift": "friction_over_travel",
-    "presliding": "presliding",
-    "end_fitting_friction_proximal": "friction_at_end",
-    "end_fitting_friction_distal": "friction_at_end",
-    "hidden_bend": "route_angle",
-    "sheath_clearance": "route_over_tension",
-    "slack_take_up": "stretch_at_end",
-    "toe_region": "strain_over_tension",
-    "creep": "strain_over_time",
-    "series_compliance_proximal": "stretch_at_end",
-    "series_compliance_distal": "stretch_at_end",
-    "thermal_drift": "strain_over_temperature",
-    "pretension_error": "preload",
-    "backlash": "play_at_drive",
-    "load_play": "play_at_load",
-    "tension_in_gain": "sensor_gain",
-    "tension_out_gain": "sensor_gain",
-    "tension_in_offset": "sensor_zero",
-    "tension_out_offset": "sensor_zero",
-    "channel_lag": "sensor_lag",
-    "load_cell_crosstalk": "sensor_crosstalk",
-    "drive_play": "play_at_drive",
-    "drive_friction": "friction_at_drive",
-    "drive_slack": "preload",
-    "drive_coupling": "ratio_of_drive",
-    "drive_lag": "sensor_lag",
-    "end_play": "play_in_joint",
-    "joint_friction": "friction_in_joint",
-    "joint_weight": "load_over_position",
-    "joint_hardening": "load_over_position",
-    "end_stiffness": "load_over_position",
-    "load_stiffness": "load_over_position",
-    "channel_gain": "sensor_gain",
-    "channel_zero": "sensor_zero",
-    "channel_drift": "sensor_drift",
-}
-"""The mechanism that each effect of the library, or number of a machine, is a formula of."""
-
 
 @dataclass(frozen=True, slots=True)
 class KnotSettings:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from msgspec.structs import replace as changed
@@ -45,6 +46,7 @@ _SCALES: Mapping[str, tuple[float, ...]] = {
     "travel_m": (0.01, 0.03, 0.1),
 }
 """Starts of scales [N, s, m]."""
+_PLAYS = ("backlash", "load_play")
 _POSITIONS = (np.arange(9) + 0.5) / 9.0  # of a hidden bend, over the length
 
 
@@ -95,11 +97,16 @@ def variants(stack: Stack) -> tuple[tuple[Variant, ...], dict[str, str]]:
 
 
 def _of(name: str, stack: Stack, channels: set[str]) -> Iterator[Variant]:
-    effect = with_size(KINDS[name], DETECTION.trial)
+    effect: Any = with_size(KINDS[name], DETECTION.trial)
     if name.startswith("end_fitting"):
         for key in effect.parameters:
             alone = {other: 0.0 for other in effect.parameters if other != key}
             yield Variant(name, changed(effect, **alone), key, (key,))
+        return
+    if name in _PLAYS:  # a run starts engaged, or somewhere inside
+        yield Variant(name, effect, "width_m", ("width_m",))
+        inside = changed(effect, open_m=0.5 * effect.width_m)
+        yield Variant(name, inside, "width_m", ("width_m", "open_m"))
         return
     amplitude = next(key for key, parameter in effect.parameters.items() if parameter.switch)
     free = tuple(key for key, parameter in effect.parameters.items() if parameter.fitted)
@@ -109,7 +116,7 @@ def _of(name: str, stack: Stack, channels: set[str]) -> Iterator[Variant]:
 
 def _started(name: str, effect: Library, stack: Stack, channels: set[str]) -> Iterator[Library]:
     if name == "hidden_bend":
-        length = min(reading.route.arcs.total_length for reading in stack.readings)
+        length = max(reading.route.arcs.total_length for reading in stack.readings)
         yield from (changed(effect, at_m=float(share * length)) for share in _POSITIONS)
     elif name == "channel_lag":
         answers = sorted(channel for channel in channels if channel != stack.readings[0].drive)

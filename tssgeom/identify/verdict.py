@@ -27,6 +27,7 @@ from tssgeom.identify.misfit import (
 )
 from tssgeom.identify.screening import leftover
 from tssgeom.identify.selection import Selection, close_candidates, name_of
+from tssgeom.identify.uneven_friction import uneven_words
 
 OVER = {
     "tension_N": ("tension", "N"),
@@ -302,6 +303,8 @@ def law_words(one: Candidate) -> str:
     what = _DEPENDS[name] + (f" ({at})" if at else "")
     if len(law.x) < 4:
         return what
+    if name == "friction_over_arc_length" and (where := uneven_words(law)):
+        return f"{what}: {where}"
     least, most = int(np.argmin(law.value)), int(np.argmax(law.value))
     unit = "" if law.unit == "1" else f" {law.unit}"
     first, last = sorted((least, most))

@@ -89,6 +89,8 @@ class _Move:
     rig: Rig
     target: float
     """Wanted distal tension [N]."""
+    of_load: bool
+    """Whether that is what is left behind the friction of the load."""
     time: float | None
     temperature: float | None
 
@@ -113,8 +115,13 @@ class _Move:
 
     def error(self, answer: TendonState) -> float:
         """Return distal tension less target [N], zero where that is rounding."""
-        error = answer.tension_out - self.target
-        return 0.0 if abs(error) <= SOLVER.accuracy * max(answer.tension_out, self.target) else error
+        there = self.reached(answer)
+        error = there - self.target
+        return 0.0 if abs(error) <= SOLVER.accuracy * max(there, self.target) else error
+
+    def reached(self, answer: TendonState) -> float:
+        """Return the tension that is to be at the target [N]."""
+        return answer.load_tension if self.of_load else answer.tension_out
 
 
 def compensate(
@@ -172,7 +179,8 @@ def compensate(
     -----
     Source: docs/model.md, "Compensation: the inverse model", and (120) to (122).
     """
-    move = _Move(state, arcs, rig, _target(rig, tension_out, displacement_out), time, temperature)
+    target = _target(rig, tension_out, displacement_out)
+    move = _Move(state, arcs, rig, target, tension_out is None, time, temperature)
     now = drive_now(state, rig, position, elapsed)
     answer, waits, lets_go, limited = move.pulled(state.tension_in), False, False, ""
     if (error := move.error(answer)) != 0.0:
@@ -207,8 +215,8 @@ def compensate(
 
 def _waiting(move: _Move, held: TendonState) -> TendonState | None:
     """Return the tendon with the drive where it is, if that is inside the dead zone; docs/model.md (215)."""
-    before, sign = move.state, 1 if move.target > held.tension_out else -1
-    start = _answering(held, move.rig, held.tension_out, sign)
+    before, sign = move.state, 1 if move.target > move.reached(held) else -1
+    start = _answering(held, move.rig, held.load_tension, sign)
     if before.route is None or sign * (start - held.tension_in) <= DEAD_ZONE * held.tension_in:
         return None
     if held.route is before.route:
@@ -242,7 +250,10 @@ def _reached(move: _Move, held: TendonState, error: float) -> TendonState:
     """
     sign = 1 if error < 0.0 else -1
     start = held.tension_in
-    far = _answering(held, move.rig, move.target, sign)  # docs/model.md (83): exact where all slides slowly
+    along = held.along
+    rubs = along.load_friction if isinstance(along, BarState) and not move.of_load else 0.0
+    load = max(move.target - sign * rubs, 0.0)
+    far = _answering(held, move.rig, load, sign)  # docs/model.md (83): exact where all slides slowly
     if far > MOST_TENSION:
         raise SettingsError(
             f"{move.target:g} N at the distal end need {far:.3g} N at the proximal end: "
@@ -298,15 +309,15 @@ def _root(error: Callable[[float], float], low: float, high: float, xtol: float,
     return float(root)
 
 
-def _answering(state: TendonState, rig: Rig, tension_out: float, way: int) -> float:
+def _answering(state: TendonState, rig: Rig, load_tension: float, way: int) -> float:
     """Return the proximal tension from which on a slow pull (+1) or release (−1) moves the load [N].
 
-    `tension_out` is the distal tension then [N]; docs/model.md (83), (122).
+    `load_tension` is what is left behind its friction then [N]; docs/model.md (83), (122).
     """
     route, along = route_of(state), state.along
     if isinstance(along, BarState) and along.has_effects:
         model = with_effects.model_on(along, route, required_setup(rig))
-        return with_effects.answering(along, model, tension_out, way)
+        return with_effects.answering(along, model, load_tension, way)
     if rig.friction.coefficient * route.total_angle > MOST_FRICTION:
         raise base.too_much_friction(rig.friction.coefficient, route.total_angle)
-    return tension_out * math.exp(way * rig.friction.coefficient * route.total_angle)
+    return load_tension * math.exp(way * rig.friction.coefficient * route.total_angle)

@@ -64,7 +64,7 @@ def machine_of(rig: Rig, routes: Sequence[Arcs], bars: int = BARS) -> Machine:
     SettingsError
         Where drive, end and routes do not go together, or the tendon does not stretch.
     """
-    setup = setup_of(rig)
+    setup = replace(setup_of(rig), load_friction_N=0.0)  # a joint has its own
     law = next((table(each) for each in setup.curves if each.table == OF_JOINT), None)
     motion = coordinates(rig.drive, rig.end, rig.load.stiffness_N_per_m, law)
     count = len(motion.distal)

@@ -26,7 +26,15 @@ _ROUTE = "route"  # stands for the route of the state where the bars were cut on
 _OF_BARS = ("tension", "creep", "creep_2", "creep_3")
 _OF_CONTACTS = ("displacement", "speed", "travel", "slip")
 _MEMORY = (*_OF_BARS, *_OF_CONTACTS, "drive")
-_SCALARS = ("length", "elongation", "displacement_in", "displacement_out", "front", "iterations")
+_SCALARS = (
+    "length",
+    "elongation",
+    "displacement_in",
+    "displacement_out",
+    "front",
+    "iterations",
+    "load_friction",
+)
 _DRIVE = len(HELD)  # numbers that bars with effects remember of their drive
 _MOST = 1e12  # of any number in a state
 _Part = TypeVar("_Part", Corners, BarState, Arcs)
@@ -37,7 +45,10 @@ def state_object(state: TendonState) -> dict[str, Any]:
     kind = next(name for name, each in _KINDS.items() if isinstance(state.along, each))
     along = _plain(state.along)
     if isinstance(state.along, BarState):
-        along["memory"] = {name: getattr(state.along.memory, name).tolist() for name in _MEMORY}
+        memory = state.along.memory
+        along["memory"] = {name: getattr(memory, name).tolist() for name in _MEMORY}
+        if state.along.load_friction > 0.0:
+            along["memory"]["travel"].append(memory.before_load)
         along["rest"] = _written(state.along.rest)
         if state.along.has_effects and state.along.cut is state.route:
             along["cut"] = _ROUTE
@@ -256,6 +267,7 @@ def _memory(saved: Mapping[str, Any]) -> Memory:
     contacts = len(saved["edge"])
     sizes = dict.fromkeys(_OF_BARS, contacts + 1) | dict.fromkeys(_OF_CONTACTS, contacts) | {"drive": _DRIVE}
     require(saved["memory"].keys() == sizes.keys(), "memory")
+    sizes["travel"] += saved.get("load_friction", 0.0) > 0.0
     arrays = {name: _array(saved["memory"][name]) for name in sizes}
     require((saved["rest"] is None) == (saved["cut"] is not None), "rest")
     if saved["rest"] is not None:

@@ -58,6 +58,11 @@ class TendonState:
             return float(capstan.tension(along, np.array([route_of(self).total_angle]))[0])
         return along.tension_out
 
+    @property
+    def load_tension(self) -> float:
+        """Tension behind the friction of the load [N]; docs/model.md (333)."""
+        return self.along.load_tension if isinstance(self.along, BarState) else self.tension_out
+
 
 def pretensioned(rig: Rig, time: float = math.nan) -> TendonState:
     """Return the tendon before its first pull, on no route yet.
@@ -222,7 +227,7 @@ def corners(state: TendonState) -> Corners:
     along = state.along
     if isinstance(along, Corners):
         return along
-    return to_corners(along.edge, along.tension, along.direction_index, route_of(state))
+    return to_corners(along.edge, along.along, along.direction_index, route_of(state))
 
 
 def tension(state: TendonState, phi: Vector, s: Vector | None = None) -> Vector:
@@ -340,7 +345,6 @@ def route_of(state: TendonState) -> Arcs:
 
 def required_setup(rig: Rig) -> Setup:
     """Return the setup of a rig; raises SettingsError where it has no effects."""
-    setup = effective_setup(rig)
-    if setup is None:
+    if (setup := effective_setup(rig)) is None:
         raise SettingsError("effects acted in the last step that the rig lacks: step the tendon with the rig")
     return setup

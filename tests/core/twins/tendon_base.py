@@ -43,6 +43,7 @@ def on_route(old, route, rig_numbers, length_before, drive):
         low=exponential(-exponent),
         high=exponential(exponent),
         force=none[1:],
+        load_friction=0.0,
         drag=none[1:],
         load_exponent=0.0,
         load_reference=1.0,
@@ -81,6 +82,7 @@ def _advanced(plant, old, growth, drive, length):
         np.zeros(n + 1),
         np.zeros(n + 2),
         slip.copy(),
+        np.zeros(1),
         np.zeros(6),
     )
     target, rigid_in = goal if by_force else goal - position, not by_force and plant.soft[0] == 0.0

@@ -33,6 +33,7 @@ class Plant(NamedTuple):
     low: np.ndarray  # [k] exp of the exponents, where nothing changes them
     high: np.ndarray  # [k]
     force: np.ndarray  # [k] N
+    load_friction: float  # N
     drag: np.ndarray  # [k] N·s/m
     load_exponent: float
     load_reference: float  # N
@@ -60,6 +61,7 @@ class Memory(NamedTuple):
     travel: np.ndarray  # [k] path slid so far, either way [m]
     creep: np.ndarray  # [b] m
     slip: np.ndarray  # [k] int8: +1 slid on a pull, 0 stuck, −1 slid on a release
+    before_load: np.ndarray  # [1] tension before the friction of the load [N]
     drive: np.ndarray
     """[6] last drive [N or m], warmth [K], position past the backlash [m], lag [m] and position before it
     [m], rate [m/s].
@@ -76,7 +78,7 @@ def unpacked(plant):
         if name in Plant._fields
     }
     numbers = {name: plant.number(i) for i, name in enumerate(PLANT._fields) if name in Plant._fields}
-    return Plant(**rows, **numbers)
+    return Plant(**rows, **numbers, load_friction=float(plant.rows[LAW.force, -1]))
 
 
 def remembered(block):
@@ -89,6 +91,7 @@ def remembered(block):
         travel=rows[MEMORY.travel, :-1].copy(),
         creep=rows[MEMORY.creep].copy(),
         slip=rows[MEMORY.slip, :-1].astype(np.int8),
+        before_load=rows[MEMORY.travel, -1:].copy(),
         drive=block[-len(HELD) : -1].copy(),
     )
     return memory, rows[MEMORY.rest].copy()

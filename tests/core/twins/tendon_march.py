@@ -180,11 +180,13 @@ def march(plant, memory, by_force, spans, drive, warmth, parts, out, profile):
             if plant.swift:
                 if not swept(plant, memory, by_force, target, span, rest, cone, room[5]) <= SWEEP.accepted:
                     return g
+                _hold_load(plant, memory, cone)
                 continue
             weight = plant.pretension
             change, _ = balanced(plant, memory, by_force, target, weight, warm, span, rest, cone, room)
             if not change <= 1e2 * SOLVER.accepted:
                 return g
+            _hold_load(plant, memory, cone)
         kept[0], kept[1], kept[5] = drive[g], warmth[g], rate
         _record(plant, memory, by_force, rest[0], g, out)
         if profile.shape[0] > 0:
@@ -192,10 +194,21 @@ def march(plant, memory, by_force, spans, drive, warmth, parts, out, profile):
     return drive.size
 
 
+def _hold_load(plant, memory, cone):
+    """Set the tension before the friction of the load, which the last contact has too; model.md (333)."""
+    _, _, low, high = cone
+    rubs, load, way = plant.load_friction, memory.tension[-1], memory.slip[-1]
+    near, other = memory.tension[-2], plant.force[-1] - rubs
+    held = min(max(memory.before_load[0], low[-1] * near - other), high[-1] * near + other)
+    memory.before_load[0] = load + rubs * way if way else min(max(held, load - rubs), load + rubs)
+
+
 def _record(plant, memory, by_force, rest, g, out):
     """Write one sample into `out`."""
     tension, kept, last = memory.tension, memory.drive, memory.tension.size - 1
     out[0, g], out[1, g], out[2, g] = tension[0], tension[last], kept[0]
+    if plant.load_friction > 0.0:
+        out[1, g] = memory.before_load[0]
     if by_force:  # docs/model.md (59)
         shift = memory.displacement[0] + stretch_of(plant, 0, tension[0]) - rest
         lag = kept[3] + (kept[4] - shift) * plant.backlash / BAR.turn

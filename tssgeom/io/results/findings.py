@@ -15,7 +15,7 @@ import tomli_w
 from tssgeom.atomic import write_text
 from tssgeom.effects import KINDS, chosen
 from tssgeom.identify.finding import Candidate, Estimate, Evidence, Finding, LawCurve, Misfit
-from tssgeom.identify.mechanisms import MECHANISM_OF
+from tssgeom.identify.mechanism_names import MECHANISM_OF
 from tssgeom.identify.proposal import Proposal, ProposedRun
 from tssgeom.io.formats.joined_campaigns import PROPOSAL
 from tssgeom.io.results.keys.findings import (

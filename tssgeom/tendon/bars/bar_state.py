@@ -70,6 +70,8 @@ class BarState(NamedTuple):
     """Contacts, from the proximal end on, that slid when the drive last moved; 0 without effects."""
     model: Model | None = None
     """The rig on the route of the last step; None without effects and in a state that was saved."""
+    load_friction: float = 0.0
+    """Friction of the load [N]."""
 
     @property
     def has_effects(self) -> bool:
@@ -107,7 +109,17 @@ class BarState(NamedTuple):
 
     @property
     def tension_out(self) -> float:
-        """Total tension at the distal end [N]."""
+        """Total tension at the distal end, before the friction of the load [N]; docs/model.md (333)."""
+        return self.memory.before_load if self.load_friction > 0.0 else self.load_tension
+
+    @property
+    def along(self) -> Vector:
+        """[n+2] As `tension`, but at the distal end before the friction of the load [N]."""
+        return self.tension if self.load_friction == 0.0 else np.append(self.tension[:-1], self.tension_out)
+
+    @property
+    def load_tension(self) -> float:
+        """Tension that is left behind the friction of the load [N]."""
         return self.memory.block.item(len(self.edge))
 
 

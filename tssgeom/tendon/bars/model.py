@@ -210,6 +210,7 @@ def carry_on(
     by_force = model.drive == "tension_in_N"
     elapsed = state.memory.drive[HELD.time] + np.cumsum(spans)
     pulled, late = true_drive(model.setup, model.drive, given, elapsed, spans, state.lags)
+    pulled = pulled if by_force else pulled - model.setup.backlash_open_m  # docs/model.md (334)
     rows = len(time) if profile else 0
     done, memory, out, tension = march(
         len(model.edge),
@@ -227,7 +228,8 @@ def carry_on(
             f"there is no equilibrium of the tendon at {time[done]:g} s, {model.drive} {given[done]:g}: "
             "thin the run less, or check for a jump in the drive"
         )
-    read = sensed(model.setup, out, elapsed) | {model.drive: given}
+    ends = [out[0], out[1], out[2] + model.setup.backlash_open_m, out[3]]
+    read = sensed(model.setup, np.array(ends), elapsed) | {model.drive: given}
     channels, lags = with_histories(model.setup, read, spans, state.lags, model.drive)
     trace = RunTrace(channels, out[5], read_only(tension))
     return trace, RunState(Memory(memory), float(time[-1]), float(coldest), {**lags, **late})

@@ -125,6 +125,11 @@ class Memory(NamedTuple):
         return self._row(MEMORY.travel, True)
 
     @property
+    def before_load(self) -> float:
+        """Tension before the friction of the load [N]."""
+        return float(self._row(MEMORY.travel, False)[-1])
+
+    @property
     def slip(self) -> NDArray[np.int8]:
         """[b−1] What each contact did last: +1 slid on a pull, 0 stuck, −1 slid on a release."""
         signs = self._row(MEMORY.slip, True).astype(np.int8)
@@ -145,8 +150,12 @@ def crept(of: Plant, tension: Vector | float) -> dict[str, Vector]:
 
 
 def memory_of(tension: Vector, **rows: Vector) -> Memory:
-    """Return a memory of the tensions [b] [N] and of other rows by name; what is left out is 0."""
+    """Return a memory of the tensions [b] [N] and of other rows by name; what is left out is 0.
+
+    No friction of the load acts.
+    """
     memory = Memory(np.zeros(len(MEMORY) * len(tension) + len(HELD)))
+    memory.block[(MEMORY.travel + 1) * len(tension) - 1] = tension[-1]
     for name, values in ({"tension": tension} | rows).items():
         if name == "drive":
             memory.drive[:] = values
@@ -196,9 +205,16 @@ def plant(setup: Setup, arcs: Arcs, edge: Vector) -> Plant:
     ):
         rows[row, 0] += at_drive
         rows[row, -2] += at_load
+    rows[LAW.force, -1] = load_friction(setup)
+    rows[LAW.force, -2] += rows[LAW.force, -1]
     result = Plant(core.plant_on_route(edge, block, arcs.length, arcs.angle, bends_of(setup)))
     result.rows[LAW.rest] = result.stretch(float(setup.pretension))
     return result
+
+
+def load_friction(setup: Setup) -> float:
+    """Return the friction of the load [N]; one that is held fast has none. Source: docs/model.md (333)."""
+    return setup.load_friction_N if setup.load_stiffness < math.inf else 0.0
 
 
 def breakaways(count: int, law: str) -> Vector:

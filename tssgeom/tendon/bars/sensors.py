@@ -140,8 +140,8 @@ def with_histories(
     late = DISTAL if setup.distal_delay_s > 0.0 else ()
     if setup.load_play_m > 0.0:
         way = channels["displacement_out_m"]
-        engaged, *_ = before.get("displacement_out_m", (None,))
-        lost = way - play(way, setup.load_play_m, engaged)
+        open_, (kept, *_) = setup.load_play_open_m, before.get("displacement_out_m", (float(way[0]),))
+        lost = way - (play(way, setup.load_play_m, kept + open_) - open_)  # docs/model.md (334)
         read |= {"displacement_out_m": way - lost, "elongation_m": channels["elongation_m"] + lost}
         lag_of = dict.fromkeys(_BEHIND_PLAY, 0.0) | lag_of
     for channel, lag in (dict.fromkeys(late, 0.0) | lag_of).items():

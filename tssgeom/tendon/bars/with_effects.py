@@ -24,7 +24,7 @@ from tssgeom.tendon.bars.bar_state import BarState
 from tssgeom.tendon.bars.base import direction_after, no_equilibrium, too_much_friction
 from tssgeom.tendon.bars.contact_grid import bends_of, discretise, edges, with_bends
 from tssgeom.tendon.bars.model import BARS, Model, begin, model_of, moved, setup_of
-from tssgeom.tendon.bars.plant import Memory, Plant, crept, memory_of
+from tssgeom.tendon.bars.plant import Memory, Plant, crept, load_friction, memory_of
 from tssgeom.tendon.bars.sensors import Lags, has_history, sensed, with_histories
 from tssgeom.tendon.capstan import Corners, Transmission, tension
 
@@ -82,6 +82,7 @@ def cut(along: Corners, arcs: Arcs, setup: Setup) -> BarState:
         length=arcs.total_length,
         cut=arcs,
         model=model,
+        load_friction=load_friction(setup),
     )
 
 
@@ -132,6 +133,8 @@ def driven(
     first, warmth = _warmth(state, temperature)
     before, now = routes
     goal, by_force = drive
+    taken_up = model.setup.backlash_open_m  # docs/model.md (334)
+    goal = goal if by_force else goal - taken_up
     done, block, laws, ends = core.step_with_effects(
         state.edge,
         model.plant.block,
@@ -148,11 +151,12 @@ def driven(
         goal,
         by_force,
         state.by_force,
-        state.displacement_in,
+        state.displacement_in - taken_up,
         state.front,
         span,
         warmth,
     )
+    ends[2] += taken_up
     numbers = ends.tolist()
     if numbers[9] > friction[1]:
         raise too_much_friction(friction[0], numbers[9] / friction[0])
@@ -174,6 +178,7 @@ def driven(
         lags=_lagging(model.setup, ends, span, state) if has_history(model.setup) else {},
         front=int(front),
         model=Model(model.setup, Plant(laws), model.drive, model.edge) if moves else model,
+        load_friction=state.load_friction,
     )
     return after, now if moves else before
 
@@ -207,12 +212,12 @@ def transmit(state: BarState, model: Model, arcs: Arcs) -> Transmission:
     )
 
 
-def answering(state: BarState, model: Model, tension_out: float, way: int) -> float:
+def answering(state: BarState, model: Model, load_tension: float, way: int) -> float:
     """Return the proximal tension from which on a slow pull (+1) or release (−1) moves the load [N].
 
-    `tension_out` is the distal tension then [N]; docs/model.md (122).
+    `load_tension` is what is left behind the friction of the load then [N]; docs/model.md (122).
     """
-    return core.answering(len(state.edge), model.plant.block, state.memory.block, tension_out, way)
+    return core.answering(len(state.edge), model.plant.block, state.memory.block, load_tension, way)
 
 
 def readings(state: BarState, setup: Setup) -> dict[str, float]:
@@ -237,7 +242,7 @@ def tension_along(state: BarState, route: Arcs, s: Vector) -> Vector:
     means = discretise(state.edge, felt).mean_angle + _BY_LENGTH * middle
     known = np.concatenate(([0.0], means, [phi[-1] + _BY_LENGTH]))
     at = np.interp(s, ends, phi) + _BY_LENGTH * s / whole
-    held = np.maximum(state.memory.tension, _SLACK)
+    held = np.maximum(state.along, _SLACK)
     return np.exp(np.interp(at, known, np.log(held)))
 
 
