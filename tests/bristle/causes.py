@@ -203,6 +203,19 @@ def _drifting(channel: str, height: float, kind: str) -> Callable[[Case], None]:
     return build
 
 
+def _gain_drifting(channel: str, most: float) -> Callable[[Case], None]:
+    def build(case: Case) -> None:
+        seconds, size = case.seconds, case.size
+
+        def gain(t: Array) -> Array:
+            return most * size * (np.asarray(t) / seconds) ** 1.5
+
+        case.reads(channel, lambda value, t: value * (1.0 + gain(t)))
+        case.law = ("time", "1", gain)
+
+    return build
+
+
 def _late(channel: str, delay: float) -> Callable[[Case], None]:
     def build(case: Case) -> None:
         lag = delay * case.size
@@ -312,6 +325,9 @@ CAUSES: dict[str, Cause] = {
     ),
     "drifting_displacement_out": Cause(
         "sensor_drift", _drifting("displacement_out", 0.25e-3, "wave"), plans=LOAD_MOVE, rates=_SLOW
+    ),
+    "gain_drifting_out": Cause(
+        "sensor_gain_drift", _gain_drifting("tension_out", 0.08), plans=LOAD_CELL, rates=_SLOW
     ),
     "late_tension_out": Cause(
         "sensor_lag", _late("tension_out", 0.1), "channel_lag", LOAD_CELL, (50.0, 100.0)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from tests.bristle import make_campaign
-from tssgeom.effects import HiddenBend
-from tssgeom.identify.bend_words import bend_words
+from tssgeom.effects import HiddenBend, SensorLaw
+from tssgeom.identify.assumptions import assumed
 from tssgeom.identify.finding import LawCurve
 from tssgeom.identify.uneven_friction import uneven_words
 from tssgeom.identify.workflow import discover
@@ -39,6 +39,7 @@ def test_a_play_that_runs_start_inside_of_is_that_play_alone(tmp_path, cause, na
     width, share = (truth.parameters[name][key] for key in ("play_m", "open_share"))
     assert effect.width_m == pytest.approx(width, abs=3e-6)
     assert effect.open_m == pytest.approx(share * width, abs=5e-6)
+    assert "All runs are taken to start with the same part of the play" in finding.sentence
 
 
 def test_friction_of_a_rough_and_a_smooth_stretch_is_said_with_their_ends():
@@ -59,9 +60,21 @@ def test_a_bend_is_said_to_be_at_one_arc_length_and_which_routes_end_before_it()
 
     bend = (SimpleNamespace(effects=(HiddenBend(at_m=0.41, angle_rad=0.5),)),)
     runs = [run("one.csv", 0.6), run("two.csv", 0.38)]
-    assert bend_words(bend, runs) == (
+    assert assumed(bend, runs) == (
         "The bend is taken to be at one arc length on all routes; two.csv ends at 380 mm, before the bend at "
         "410 mm, so that it does not act there."
     )
-    assert bend_words(bend, runs[:1]) == ""
-    assert bend_words((), runs) == ""
+    assert assumed(bend, runs[:1]) == ""
+    assert assumed((), runs) == ""
+
+
+def test_a_gain_that_drifts_in_time_is_no_curve_over_the_reading(tmp_path):
+    finding, truth = discovered(tmp_path / "runs", "gain_drifting_out", 1)
+    (one,) = finding.effects
+    assert (finding.verdict, one.names) == ("law", ("sensor_gain_drift",))
+    (law,) = finding.rig.effects
+    assert isinstance(law, SensorLaw)
+    assert (law.channel, law.over) == ("tension_out_N", "time_gain")
+    true = np.interp(law.x, truth.law["x"], truth.law["value"])
+    off = np.array(law.error) - true
+    assert np.abs(off - off.mean()).max() < 4e-3  # a gain that stays is friction to this cell

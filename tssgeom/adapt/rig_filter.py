@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import get_args
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from tssgeom.adapt.trailed_drive import TrailedDrive
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.core.constants_tendon import BAR
 from tssgeom.effects import Setup
+from tssgeom.effects.laws import SensorOver
 from tssgeom.errors import SettingsError
 from tssgeom.rig import Rig
 from tssgeom.route.pieces import Arcs
@@ -51,7 +53,7 @@ class TendonSensors:
     def __init__(self, setup: Setup, keys: Sequence[str]) -> None:
         for curve in setup.curves:
             channel, _, over = curve.table.partition(" over ")
-            if over in ("reading", "time") and channel in (*CHANNELS, "displacement_in_m"):
+            if over in get_args(SensorOver) and channel in (*CHANNELS, "displacement_in_m"):
                 raise SettingsError(
                     f"effects.sensor_law: {channel} over {over} is not followed: leave it out"
                 )

@@ -22,6 +22,7 @@ from tssgeom.errors import SettingsError
 FrictionOver = Literal["tension", "speed", "curvature", "arc_length", "travel", "time", "position"]
 """What friction may depend on, in N, m/s, 1/m, m, m, s, m."""
 StretchOf = Literal["sheath", "proximal", "distal", "load"]
+SensorOver = Literal["reading", "time", "time_gain"]
 _FRICTION_TABLES = {
     "tension": "load",
     "speed": "speed",
@@ -135,16 +136,17 @@ class CreepLaw(Effect, frozen=True):
 
 
 class SensorLaw(Effect, frozen=True):
-    """What a channel reads beside the truth, over the true value or over time; docs/model.md (188)."""
+    """What a channel reads beside the truth, over the true value or over time; docs/model.md (188), (344)."""
 
     hook: ClassVar[Hook] = "observation"
     channel: str
     """Of one tendon or of a machine, by its name with the unit."""
-    over: Literal["reading", "time"]
+    over: SensorOver
+    """The true value, or time: of what adds to it (`time`), or of the gain (`time_gain`)."""
     x: tuple[float, ...]
     """[k] True value [N, m], or time since the run began [s]; increasing."""
     error: tuple[float, ...]
-    """[k] Reading less truth [N, m]."""
+    """[k] Reading less truth [N, m]; of a gain over the truth [1]."""
 
     def __post_init__(self) -> None:
         check_points("sensor_law", self.x, self.error, "error")

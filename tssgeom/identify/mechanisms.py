@@ -17,7 +17,7 @@ from tssgeom.arrays import Vector
 from tssgeom.channel_names import unit_of
 from tssgeom.core.constants_tendon_rows import TABLE
 from tssgeom.effects import AnyEffect, ChannelLag, CreepLaw, FrictionLaw, SensorLaw, StretchLaw
-from tssgeom.effects.laws import FrictionOver, StretchOf
+from tssgeom.effects.laws import FrictionOver, SensorOver, StretchOf
 from tssgeom.identify.prediction import CELLS, Stack
 from tssgeom.identify.readings import Reading
 from tssgeom.plausibility.limits import LIMITS as PLAUSIBLE
@@ -237,21 +237,31 @@ def _sensors(stack: Stack, rig: Rig, knots: KnotSettings) -> Iterator[Mechanism]
         if channel in CELLS and np.ptp(read) > 0.0:
             x = np.linspace(float(read.min()), float(read.max()), knots.usual)
             yield sensor_law(channel, "reading", x, scale, unit_of(channel))
+            yield sensor_law(
+                channel, "time_gain", np.linspace(0.0, span, knots.usual), scale / read.max(), "1"
+            )
         yield sensor_law(channel, "time", np.linspace(0.0, span, knots.usual), scale, unit_of(channel))
     yield _lag(runs[0].drive)
 
 
-def sensor_law(channel: str, over: str, x: Vector, scale: float, unit: str) -> Mechanism:
-    """Return what a channel reads beside the truth, over it or over time; docs/model.md (188)."""
+_SENSOR_LAWS: dict[SensorOver, str] = {
+    "reading": "sensor_curve",
+    "time": "sensor_drift",
+    "time_gain": "sensor_gain_drift",
+}
+
+
+def sensor_law(channel: str, over: SensorOver, x: Vector, scale: float, unit: str) -> Mechanism:
+    """Return what a channel reads beside the truth, over it or over time; docs/model.md (188), (344)."""
     knots = tuple(x.tolist())
 
     def value(u: Vector) -> Vector:
         return scale * u
 
     def effect(u: Vector) -> AnyEffect:
-        return SensorLaw(channel=channel, over=over, x=knots, error=tuple(value(u).tolist()))  # type: ignore[arg-type]
+        return SensorLaw(channel=channel, over=over, x=knots, error=tuple(value(u).tolist()))
 
-    name = f"{'sensor_curve' if over == 'reading' else 'sensor_drift'}:{channel}"
+    name = f"{_SENSOR_LAWS[over]}:{channel}"
     even = (x - x[0]) / (x[-1] - x[0])
     label = channel if over == "reading" else "time_s"
     return Mechanism(name, x, even, effect, value, unit, label, is_straight=True)

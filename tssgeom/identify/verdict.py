@@ -63,6 +63,7 @@ _DEPENDS = {
     "strain_over_time": "the tendon stretches late, its compliance grows",
     "sensor_curve": "a sensor is no straight line",
     "sensor_drift": "a sensor drifts in time",
+    "sensor_gain_drift": "the gain of a sensor drifts in time",
     "sensor_lag": "the sensor of the drive is late",
 }
 

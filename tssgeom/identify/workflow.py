@@ -21,8 +21,8 @@ from tssgeom.identify.assembly import (
     refused,
     updated,
 )
+from tssgeom.identify.assumptions import assumed
 from tssgeom.identify.attribution import along_routes, heat_map, missing_shapes, pointed
-from tssgeom.identify.bend_words import bend_words
 from tssgeom.identify.campaign import Campaign
 from tssgeom.identify.experiment_design import proposed
 from tssgeom.identify.finding import Finding
@@ -269,7 +269,7 @@ def _finding(campaign: Campaign, started: _Started, work: Work, attribution: Att
     text = sentence(verdict, effects, base, close, misfit)
     if verdict.verdict == "partial" and not verdict.reason:  # most of what held-out runs show
         text = f"{text} {remainder(held_out_change(misfit)[1])}"
-    text = f"{text} {bend_words(effects, runs)}".rstrip()
+    text = f"{text} {assumed(effects, runs)}".rstrip()
     return Finding(
         campaign=campaign,
         verdict=verdict.verdict,

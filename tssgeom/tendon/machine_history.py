@@ -105,5 +105,6 @@ def read_by_sensors(
         read[name] = sensor.gain * read[name] + zero
     for each in bent:  # docs/model.md (188)
         at = values[each.channel] if each.over == "reading" else time - before.begun_at
-        read[each.channel] = read[each.channel] + curve_at(each.curve, at)
+        by = values[each.channel] if each.over == "time_gain" else 1.0  # docs/model.md (344)
+        read[each.channel] = read[each.channel] + by * curve_at(each.curve, at)
     return read, history._replace(lags=lags)

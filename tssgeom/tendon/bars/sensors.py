@@ -12,7 +12,7 @@ from tssgeom import core
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.effects import Channel, Setup
 from tssgeom.effects.kinds import DISTAL
-from tssgeom.effects.laws import curve_at
+from tssgeom.effects.laws import SensorOver, curve_at
 from tssgeom.errors import SettingsError
 
 CHANNELS: tuple[Channel, ...] = get_args(Channel)
@@ -35,7 +35,7 @@ def check_drive(setup: Setup, drive: Drive) -> None:
     for channel, _ in setup.lags:
         if channel == drive:
             raise SettingsError(f"effects.channel_lag: {channel} is the drive; give a channel that responds")
-    if any(curve.table == f"{drive} over time" for curve in setup.curves):
+    if any(curve.table in (f"{drive} over time", f"{drive} over time_gain") for curve in setup.curves):
         raise SettingsError(f"effects.sensor_law: {drive} is the drive; over time it is for measured runs")
 
 
@@ -76,7 +76,7 @@ def true_drive(
             last = np.concatenate(([before.get(channel, (given[0], given[0]))[1]], given[:-1]))
             true = given + lag * (given - last) / spans
             lags[channel] = (float(true[-1]), float(given[-1]))
-    true = true - _drift(setup, drive, elapsed)
+    true = (true - _drift(setup, drive, elapsed)) / (1.0 + _drift(setup, drive, elapsed, "time_gain"))
     if drive == "tension_in_N" and (setup.tension_in_gain != 1.0 or setup.tension_in_offset_N != 0.0):
         true = (true - setup.tension_in_offset_N) / setup.tension_in_gain
     true = unbent(setup, drive, true)
@@ -101,8 +101,9 @@ def bend(setup: Setup, channel: str, true: Vector) -> Vector:
     return sum((curve_at(curve, true) for curve in curves), np.zeros_like(true))
 
 
-def _drift(setup: Setup, channel: str, elapsed: Vector) -> Vector:
-    curves = [curve for curve in setup.curves if curve.table == f"{channel} over time"]
+def _drift(setup: Setup, channel: str, elapsed: Vector, over: SensorOver = "time") -> Vector:
+    """Return by how much zero [N, m] or gain [1] of a channel is off [n]; docs/model.md (188), (344)."""
+    curves = [curve for curve in setup.curves if curve.table == f"{channel} over {over}"]
     return sum((curve_at(curve, elapsed) for curve in curves), np.zeros_like(elapsed))
 
 
@@ -126,6 +127,7 @@ def sensed(setup: Setup, out: Matrix, elapsed: Vector) -> dict[str, Vector]:
     true["elongation_m"] = out[2] - out[3]
     for channel in {curve.table.partition(" over ")[0] for curve in setup.curves} & true.keys():
         read[channel] = read[channel] + bend(setup, channel, true[channel]) + _drift(setup, channel, elapsed)
+        read[channel] = read[channel] + _drift(setup, channel, elapsed, "time_gain") * true[channel]
     return read
 
 

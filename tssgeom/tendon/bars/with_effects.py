@@ -48,7 +48,9 @@ def _setup(tendon: Tendon, friction: Friction, load: Load, effects: tuple[AnyEff
 def timed(setup: Setup) -> bool:
     """Whether any of the effects depends on time."""
     late = bool(setup.lags) or setup.distal_delay_s > 0.0
-    curves = any(curve.table == "speed" or curve.table.endswith("time") for curve in setup.curves)
+    curves = any(
+        curve.table == "speed" or curve.table.endswith(("time", "time_gain")) for curve in setup.curves
+    )
     return bool(setup.creep_ratio or setup.drag_Ns_per_m2 or setup.speed_gain or late or curves)
 
 
