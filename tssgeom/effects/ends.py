@@ -56,8 +56,8 @@ class PretensionError(Effect, frozen=True):
 class Backlash(Effect, frozen=True):
     """Motion that the drive loses when it turns back: a play of its width; docs/model.md (59), (334).
 
-    Each run starts with `open_m` of it to be taken up for pulling: engaged where that is 0. Source:
-    M. Nordin, P.-O. Gutman, Controlling mechanical systems with backlash, Automatica 38 (2002).
+    Each run starts with `open_m` of it to be taken up for pulling: engaged where that is 0.
+    Source: M. Nordin, P.-O. Gutman, Controlling mechanical systems with backlash, Automatica 38 (2002).
     """
 
     width_m: float
