@@ -182,20 +182,6 @@ def test_play_of_the_load_is_read_at_both_channels_of_its_way_and_behind_a_lag()
     assert np.abs(whole - read[out]).max() > 1e-5
 
 
-def test_a_play_that_is_open_at_the_start_is_taken_up_first():
-    shift = 1e-4
-    moved = {**RUNS[POSITION], POSITION: RUNS[POSITION][POSITION] - shift}
-    opened = modelled(POSITION, Backlash(width_m=3e-4, open_m=shift))
-    behind = predict(moved, ARCS, RIG, [Backlash(width_m=3e-4)], drive=POSITION)
-    assert opened[FORCE] == pytest.approx(behind[FORCE], abs=1e-12)
-    assert opened[POSITION] == pytest.approx(behind[POSITION] + shift, abs=1e-15)
-    assert opened["elongation_m"] == pytest.approx(behind["elongation_m"] + shift, abs=1e-15)
-    true = modelled(POSITION)["displacement_out_m"]
-    read = modelled(POSITION, LoadPlay(width_m=3e-4, open_m=shift))["displacement_out_m"]
-    assert read[0] == true[0]
-    assert (true - read)[1:30] == pytest.approx(shift)  # all is pulled there
-
-
 @pytest.mark.parametrize("delay", [0.05, 0.5, 3.0])
 def test_a_late_recorder_reads_all_distal_channels_as_they_were(delay):
     true, late = modelled(POSITION), ChannelLag(lag_s=delay, channel="distal")

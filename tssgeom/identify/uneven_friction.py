@@ -28,7 +28,7 @@ def uneven_words(law: LawCurve) -> str:
     return " and ".join(words)
 
 
-def _stretch(beyond: Vector, apart: Vector) -> slice | None:
+def _stretch(beyond: Vector, apart: np.ndarray) -> slice | None:
     """Return the stretch about the greatest of what the band parts, as far as it is half of that."""
     peak = int(np.argmax(np.where(apart, beyond, -np.inf)))
     if not apart[peak] or beyond[peak] <= 0.0:
