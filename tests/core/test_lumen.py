@@ -29,14 +29,17 @@ def grid(rng: np.random.Generator) -> np.ndarray:
     return np.ascontiguousarray(np.concatenate(triangles))
 
 
-@pytest.mark.parametrize("wall_of", [soup, grid])
-def test_positions_distances_sides_and_rims_are_those_of_the_twin(wall_of):
-    for seed in range(200):
+@pytest.mark.parametrize(("wall_of", "size"), [(soup, 1.0), (grid, 1.0), (grid, 1e-4)])
+def test_positions_distances_sides_and_rims_are_those_of_the_twin(wall_of, size):
+    for seed in range(200 if size == 1.0 else 50):
         rng = np.random.default_rng(seed)
-        wall = Wall(wall_of(rng))
+        wall = Wall(size * wall_of(rng))
         inside = wall.corners[rng.integers(len(wall.corners), size=2)].mean(axis=1)
         points = np.vstack(
-            [3.0 * rng.normal(size=(6, 3)), wall.corners[0], wall.corners[-1, :2].mean(axis=0), inside]
+            [
+                *(3.0 * size * rng.normal(size=(6, 3)), wall.corners[0], inside),
+                *(wall.corners[-1, :2].mean(axis=0), wall.corners[rng.integers(len(wall.corners))]),
+            ]
         )
         given = points, wall.corners, wall.boxes.order, wall.boxes.low, wall.boxes.high
         position, distance, side, on_rim = core.nearest_on_wall(*given)

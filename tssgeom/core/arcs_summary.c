@@ -230,7 +230,7 @@ static double saved_by_sums(
                 for (int64_t b = 0; b < width; b++) value += sum[a] * row[b] * other[b];
             }
             if (e == f) value = most(value, ROUNDING.exact * whole);
-            matrix[e * d + f] = matrix[f * d + e] = value;
+            matrix[e * d + f] = value; /* what is above the diagonal is not read */
         }
     }
     factor(d, matrix, ROUNDING.exact, lower, unit);
