@@ -1,8 +1,9 @@
 """Run the tests on the faults that `tests/mutants.py` samples: `python -m tests.mutants`.
 
-Each fault is put into a copy of the code, where the tests that run its line have to fail; for a line of C
-those that call an entry of the core which may reach its file. Tests that do not end in time count as failed.
-The core of the copy is built again by itself where a fault is in its C.
+Each fault is put into a copy of the code, where the tests that run its line have to fail; for a line that
+runs once, when its file is imported, those that run any line of the file, and for a line of C those that call
+an entry of the core which may reach its file. Tests that do not end in time count as failed, and are counted
+apart in the last line. The core of the copy is built again by itself where a fault is in its C.
 """
 
 import argparse
@@ -38,6 +39,7 @@ COPIED = (
 CORE = "tssgeom/core"
 PATIENCE = 120.0
 """Time that the tests of one fault may take at a time [s]."""
+_LATE = "no end within"
 ROUNDS = (8, 40, 150)
 """Tests that are run at a time, until one fails."""
 TARGET = 0.95
@@ -53,10 +55,12 @@ class Chosen:
         self.names = {f"tssgeom/{one.rpartition('/tssgeom/')[2]}": one for one in self.data.measured_files()}
 
     def of_line(self, file: str, first: int, last: int) -> set[str]:
-        """Return the tests that run one of some lines."""
+        """Return the tests that run one of some lines, or of the file where these run at its import alone."""
         known = self.data.contexts_by_lineno(self.names.get(file, ""))
-        tests = {each.partition("|")[0] for line in range(first, last + 1) for each in known.get(line, [])}
-        return tests - {""}
+        run = [set(known[line]) for line in range(first, last + 1) if line in known]
+        if run and set().union(*run) == {""}:
+            run = [set(each) for each in known.values()]
+        return {each.partition("|")[0] for each in set().union(*run)} - {""}
 
     def of(self, mutant: Mutant) -> list[str]:
         """Return the tests of a fault: those of its own package first, the files of tests in turn."""
@@ -120,6 +124,11 @@ class Verdict:
     took: float
     """Time that the tests took [s]."""
 
+    @property
+    def is_late(self) -> bool:
+        """Whether it was caught by time alone."""
+        return self.by.startswith(_LATE)
+
 
 def run_tests(copy: Path, tests: Sequence[str]) -> tuple[bool, str]:
     """Run tests in the copy; return whether all pass, and the first that does not."""
@@ -130,7 +139,7 @@ def run_tests(copy: Path, tests: Sequence[str]) -> tuple[bool, str]:
             words, cwd=copy, env=env, capture_output=True, text=True, timeout=PATIENCE, check=False
         )
     except subprocess.TimeoutExpired:
-        return False, f"no end within {PATIENCE:g} s"
+        return False, f"{_LATE} {PATIENCE:g} s"
     failed = [line for line in done.stdout.splitlines() if line.startswith(("FAILED ", "ERROR "))]
     by = failed[0].split(" - ")[0].rpartition("/")[2] if failed else f"exit status {done.returncode}"
     return done.returncode == 0, by
@@ -177,5 +186,6 @@ def main() -> int:
             sys.stdout.write(f"{mark} {each.took:5.1f} s  {text}\n{'':18}by {each.by}\n")
             sys.stdout.flush()
     caught = sum(each.caught for each in verdicts)
-    sys.stdout.write(f"{caught} of {len(verdicts)} faults detected, {caught / max(len(verdicts), 1):.0%}\n")
+    sys.stdout.write(f"{caught} of {len(verdicts)} faults detected, {caught / max(len(verdicts), 1):.0%}")
+    sys.stdout.write(f"; {sum(each.is_late for each in verdicts)} of them by time alone\n")
     return int(caught < TARGET * len(verdicts))
