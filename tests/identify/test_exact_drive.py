@@ -5,9 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from msgspec.structs import replace as replaced
 
 pytest.importorskip("tests.lumped")
 from tests import lumped
+from tssgeom.errors import SettingsError
 from tssgeom.identify.calibrated_run import calibrated_run
 from tssgeom.identify.calibration import calibrate
 from tssgeom.identify.exact_drive import position_is_exact
@@ -110,3 +112,11 @@ def test_a_position_may_be_negative_and_its_turns_are_fitted(run):
     fit, as_it_was = (calibrate(each, HALF, RIG).estimates for each in (moved, both))
     assert fit["compliance"].value == pytest.approx(as_it_was["compliance"].value, rel=5e-3)
     assert fit["elongation_offset"].value == pytest.approx(-5e-3, abs=5e-5)
+
+
+def test_a_position_that_holds_the_stretch_of_a_spring_needs_its_stiffness(run):
+    both, blocked = measured(run, 0, 0.15, 1e-5), replaced(RIG, load=Load(stiffness_N_per_m=0.0))
+    with pytest.raises(SettingsError, match=r"load\.stiffness_N_per_m is 0; give the stiffness"):
+        calibrated_run(both, HALF, blocked, 4.0, "tension_in_N")
+    elongation = replace(both, displacement_in=None, elongation=both.displacement_in)
+    assert len(calibrated_run(elongation, HALF, blocked, 4.0, "tension_in_N").legs.turns) > 8

@@ -28,10 +28,13 @@ from tests.tendon.bars import (
 )
 from tests.tendon.steps import pretensioned_bars, step
 from tssgeom.effects import Setup
-from tssgeom.rig import Tendon
+from tssgeom.errors import SettingsError
+from tssgeom.rig import Load, Rig, Tendon
 from tssgeom.route.pieces import Arcs
+from tssgeom.tendon import state as tendon
 from tssgeom.tendon.bars.contact_grid import discretise
-from tssgeom.tendon.bars.model import begin, carry_on, model_of
+from tssgeom.tendon.bars.model import begin, carry_on, model_of, setup_of
+from tssgeom.tendon.bars.with_effects import cut
 
 
 @given(pieces, histories)
@@ -151,3 +154,29 @@ def test_every_step_obeys_bar_law_cone_and_signs(seed):
             residual_of(state, new, arcs, hardware, stiffness, **way) <= 1e-6
         )  # 1e-14 m at 1e7 N/m, and SOLVED
         state = new
+
+
+@pytest.mark.parametrize("history", [[14.0], [14.0, 7.0], [3.0, 12.0, 11.0]])
+def test_a_tendon_that_is_cut_into_bars_stands_at_both_ends_where_it_stood(history):
+    hardware, arcs = Rig(tendon=Tendon(pretension_N=2.0), load=Load(stiffness_N_per_m=2000.0)), SETUP_A
+    state = tendon.pretensioned(hardware)
+    for tension_in in history:
+        state = tendon.step(state, arcs, hardware, tension_in=tension_in)
+    ends, bars = tendon.transmit(state, hardware), cut(state.along, arcs, setup_of(hardware))
+    assert bars.displacement_in == pytest.approx(ends.displacement_in, rel=5e-4)  # that of bars
+    assert bars.displacement_out == pytest.approx(ends.displacement_out, rel=1e-9)
+    assert bars.elongation == pytest.approx(ends.elongation, rel=2e-3)
+    np.testing.assert_allclose(
+        bars.memory.displacement[[0, -1]], [bars.displacement_in, bars.displacement_out], rtol=1e-9
+    )
+    assert np.all(np.diff(bars.memory.displacement) <= 0.0)  # a tendon that only stretches
+
+
+@pytest.mark.parametrize(
+    ("time", "which"), [([0.0, 1.0, 1.0, 2.0], "1 to 1"), ([0.0, 3.0, 4.0, 2.5], "4 to 2.5")]
+)
+def test_times_that_do_not_increase_are_named(time, which):
+    model = model_of(setup_of(Rig()), Arcs.exact([0.5], [PI]), "tension_in_N", np.linspace(0.0, 1.0, 9))
+    run = {"time_s": np.array(time), "tension_in_N": np.full(4, 5.0)}
+    with pytest.raises(SettingsError, match=f"time_s goes from {which} s"):
+        carry_on(model, begin(model), run)
