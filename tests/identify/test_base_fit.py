@@ -52,6 +52,20 @@ def test_what_no_point_shows_of_the_form_of_a_route_is_in_the_interval_of_fricti
     assert with_form**2 - own**2 == pytest.approx(0.02**2, rel=0.1)
 
 
+def test_intervals_grow_with_what_a_fit_leaves_beyond_noise(wide_route):
+    rig, runs = wide_route
+    problem, _, fit = base_fit(runs, rig)
+    loud = replace(fit, chi2=9.0 * fit.chi2)
+
+    def variance(fit):
+        each = base_estimates(problem, fit)["compliance_per_N"]
+        return (np.log(each.high / each.low) / (2.0 * 1.959964)) ** 2
+
+    more = (loud.inflation - fit.inflation) * fit.covariance[1, 1]
+    assert loud.inflation > 5.0
+    assert variance(loud) - variance(fit) == pytest.approx(more, rel=1e-5)
+
+
 def _spread(form, rig, runs):
     """Standard deviation of ln μ with a form of so much of the angle of each route."""
     arcs = runs[0].route.arcs
