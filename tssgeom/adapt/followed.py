@@ -170,7 +170,8 @@ def _number(rig: Rig, key: str, follow: Follow) -> FollowedNumber:
             "as backlash.width_m (docs/formats.md, Rig)"
         )
     effect = next((one for one in rig.effects if isinstance(one, KINDS[table])), None)
-    if effect is None and len(KINDS[table].__struct_fields__) > 1:
+    others = (each for each in msgspec.structs.fields(KINDS[table]) if each.required and each.name != name)
+    if effect is None and any(others):
         raise SettingsError(f"adapt.{key}: the rig has no effect {table}: add it as [[effects]]")
     value = parameter.centre if effect is None else getattr(effect, name)
     return FollowedNumber(key, value, *_drift(follow), parameter.lower, parameter.upper)

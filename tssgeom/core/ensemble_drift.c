@@ -19,13 +19,15 @@ static double log_chance(double off, double expected) {
 static void read_number(
     int64_t s, double value, double variance, const double last[KEPT], double chance[s], double mean[s],
     double spread[s]) {
-    double before = last[OF_VARIANCE], sum = 0.0;
+    double before = last[OF_VARIANCE], highest = -INFINITY, sum = 0.0;
     if (!(variance > 0.0 && variance < (1.0 - ROUNDING.relative) * before)) return;
     double reading = last[OF_VALUE] + (value - last[OF_VALUE]) * before / (before - variance);
     double noise = before * variance / (before - variance);
+    for (int64_t j = 0; j < s; j++)
+        highest = most(log_chance(reading - mean[j], spread[j] + noise), highest);
     for (int64_t j = 0; j < s; j++) {
         double expected = spread[j] + noise, off = reading - mean[j], gain = spread[j] / expected;
-        sum += chance[j] *= exp(log_chance(off, expected));
+        sum += chance[j] *= exp(log_chance(off, expected) - highest);
         mean[j] += gain * off, spread[j] *= 1.0 - gain;
     }
     for (int64_t j = 0; j < s; j++) chance[j] /= sum;
