@@ -24,10 +24,8 @@ NAMES = (
 @pytest.mark.parametrize("name", NAMES)
 def test_friction_compliance_and_effect_come_back_within_their_errors(name):
     kind, truth = KINDS[name], refereed(FORCE, **PHYSICS[name])
-    numbers = (
-        kind.parameters.items()
-    )  # where a play starts is typically its edge, about which nothing is fitted
-    keys = [key for key, reported in numbers if reported.fitted and reported.typical]
+    # a play typically starts at its edge, about which nothing is fitted
+    keys = [key for key, reported in kind.parameters.items() if reported.fitted and reported.typical]
     typical = np.array([kind.parameters[key].typical for key in keys])
     rng = np.random.default_rng(5)
     data = {c: truth[c] + sd * rng.standard_normal(len(truth[c])) for c, sd in NOISE.items()}
