@@ -71,6 +71,9 @@ class Unexplained(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
         return np.array([left.get(_OF_TENDON.sub("", name), 0.0) for name in channels])
 
 
+NOTHING_LEFT = Unexplained()
+
+
 class Follow(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """How a number of a rig drifts, which `--adapt` follows; docs/model.md (200)."""
 
@@ -153,11 +156,15 @@ class RigErrors:
     """Standard deviation of each, in its unit."""
     correlation: Matrix
     """[numbers, numbers] [1]."""
+    unexplained: Unexplained = NOTHING_LEFT
+    """What the model left beside them."""
 
     def state(self, tables: dict[str, Any]) -> None:
         """Put them into the tables of a rig file, as text, each pair of correlations once."""
         for key, sd in zip(self.keys, self.sd, strict=True):
             change(tables, key, lambda value, sd=sd: f"{{ value = {value!r}, sd = {sd:.4g} }}")
+        if self.unexplained:
+            tables["unexplained"] = msgspec.to_builtins(self.unexplained)
         together: dict[str, dict[str, float]] = {}
         names = [(k, one) for k, key in enumerate(self.keys) for one in keys_of(key)]
         for (a, one), (b, other) in itertools.combinations(names, 2):

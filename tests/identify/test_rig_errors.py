@@ -142,3 +142,19 @@ def test_bars_hold_on_a_run_of_a_rig_that_no_effect_explains(campaign):
         held[bool(left)] = np.mean(within)
     assert held[False] < 0.5
     assert held[True] > 0.85
+
+
+def test_a_calibration_states_what_an_effect_that_it_lacks_leaves(tmp_path):
+    """A cell that reads T_out 0.4 N too high from 8 N on has no number in the fit."""
+    guess = Rig(tendon=Tendon(pretension_N=1.5), load=LOAD)
+    for step_of_cell in (0.0, 0.4):
+        _, measured, sensed = random_run(np.random.default_rng(7))
+        measured[OUT] = measured[OUT] + step_of_cell * (measured["tension_in_N"] > 8.0)
+        fitted = calibrate(measured, sensed, guess)
+        errors = of_calibration(fitted, guess)
+        left = next(each for each in fitted.channels if each.channel == OUT)
+        assert bool(errors.unexplained) == (step_of_cell > 0.0)
+    assert errors.unexplained.tension_out_N == pytest.approx(math.sqrt(left.rms**2 - left.noise**2))
+    write_rig(tmp_path / "rig.toml", fitted.applied(guess), (), errors)
+    rig, _ = read_uncertain_rig(tmp_path / "rig.toml")
+    assert rig.unexplained == errors.unexplained

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -12,6 +13,7 @@ from tssgeom.arrays import Vector
 from tssgeom.core.constants import CHANCE
 from tssgeom.plausibility.limits import LIMITS as PLAUSIBLE
 from tssgeom.statistics import EVIDENCE_SCALE, robust_sd
+from tssgeom.uncertain import Unexplained
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,6 +94,22 @@ class ChannelFit:
         Small ones last where a sensor's scale is bent, or the drive turns between two readings.
         """
         return self.over_noise > FIT_TEST.sound and not self.is_white
+
+    @property
+    def channel(self) -> str:
+        """The channel in SI, without the run that it is of: `tension_out_N`."""
+        name, ending = self.name.partition(" of ")[0], f"_{self.unit}"
+        return f"{name.removesuffix(ending)}{ending}"
+
+
+def unexplained(fits: Iterable[ChannelFit]) -> Unexplained:
+    """Return what a fit leaves of channels that lack an effect, beyond their noise; docs/model.md (354)."""
+    rms = dict[str, float]()
+    for fit in fits:
+        if fit.lacks_an_effect:
+            left = math.sqrt(fit.rms**2 - fit.noise**2)
+            rms[fit.channel] = max(left, rms.get(fit.channel, 0.0))
+    return Unexplained.by_channel(rms)
 
 
 def whiteness(left: Vector) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.special import stdtrit
@@ -14,7 +14,7 @@ from tssgeom.arrays import Vector
 from tssgeom.channel_names import unit_of
 from tssgeom.core.constants import CHANCE
 from tssgeom.identify.finding import LawCurve
-from tssgeom.identify.fit_quality import ChannelFit, failures, is_identified, misfits, whiteness
+from tssgeom.identify.fit_quality import ChannelFit, failures, is_identified, misfits, unexplained, whiteness
 from tssgeom.identify.machine_bends import Valley
 from tssgeom.identify.machine_held_out import NOTHING_HELD_OUT, HeldOut, contradictions
 from tssgeom.identify.machine_law_bands import law_band
@@ -146,7 +146,7 @@ def calibration_of(
         problem.runs,
         tuple(problem.answers(state.channels)),
         (*notes, *(note for run in problem.runs for note in run.notes), *misfits(channels)),
-        of_machine(problem, posterior),
+        replace(of_machine(problem, posterior), unexplained=unexplained(channels)),
         {} if normal else {law.name: law_band(problem, state, law) for law in problem.laws},
     )
 

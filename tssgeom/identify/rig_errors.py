@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import msgspec
 import numpy as np
@@ -13,6 +14,7 @@ from tssgeom.arrays import Matrix, Vector
 from tssgeom.errors import SettingsError
 from tssgeom.identify.calibration import Calibration
 from tssgeom.identify.fit import Fit, Problem
+from tssgeom.identify.fit_quality import unexplained
 from tssgeom.identify.law_fit import LawFit, Term
 from tssgeom.identify.machine_posterior import Posterior
 from tssgeom.identify.machine_problem import Problem as MachineProblem
@@ -35,7 +37,8 @@ def of_calibration(fitted: Calibration, rig: Rig) -> RigErrors:
     names = [fitted.fitted_names[k] for k in at]
     values = [1.0 if name.endswith("offset") else fitted.estimates[name].value for name in names]
     is_log = [not name.endswith("offset") for name in names]
-    return _errors([keys[name] for name in names], values, is_log, fitted.covariance[np.ix_(at, at)])
+    errors = _errors([keys[name] for name in names], values, is_log, fitted.covariance[np.ix_(at, at)])
+    return replace(errors, unexplained=unexplained(fitted.channels))
 
 
 def of_machine(problem: MachineProblem, posterior: Posterior) -> RigErrors:

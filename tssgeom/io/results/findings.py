@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, is_dataclass
+from dataclasses import asdict, is_dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import numpy as np
 import tomli_w
 
@@ -54,10 +53,8 @@ def write_updated_rig(folder: Path, finding: Finding, version: str, *, with_erro
 
     Raises SourceError where the disk refuses.
     """
-    rig, errors = finding.rig, finding.errors if with_errors else CERTAIN
-    if with_errors:
-        rig = msgspec.structs.replace(rig, unexplained=finding.unexplained)
-    write_rig(folder / RIG, rig, _provenance(finding, version), errors)
+    errors = replace(finding.errors, unexplained=finding.unexplained) if with_errors else CERTAIN
+    write_rig(folder / RIG, finding.rig, _provenance(finding, version), errors)
     return folder / RIG
 
 
