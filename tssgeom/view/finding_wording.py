@@ -180,7 +180,7 @@ def next_steps(finding: Finding) -> list[str]:
     steps += _remainder(finding)
     if finding.verdict in ("unknown", "partial"):
         steps.append(
-            "To use the rig meanwhile, write it with --with-errors: error bars then hold what is left."
+            "To use the rig meanwhile, take that of --with-errors, whose error bars hold what is left."
         )
     if not steps and finding.verdict == "tie" and (tied := effect_ties(finding)):
         names = " from ".join(plain(name) for name in tied[0].names[:2])

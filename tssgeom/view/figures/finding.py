@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from tssgeom.arrays import Vector
+from tssgeom.channel_names import unit_of, words_of
 from tssgeom.identify.finding import Candidate, Finding, LawCurve, Trace
 from tssgeom.identify.misfit import measured_channels
 from tssgeom.identify.verdict import OVER, variable
@@ -200,12 +201,12 @@ def missing_figure(finding: Finding) -> Figure:
             )
             axes.plot(shape.x, shape.friction, color=BLUE, marker="o", markersize=3)
             axes.axhline(finding.base["friction"].value, color=ORANGE, linestyle=(0, (4, 1.5)), linewidth=1.1)
-            name, _, unit = shape.over.partition("_")
+            name, unit = words_of(shape.over), unit_of(shape.over)
             titles(
                 axes,
-                f"explains {100 * shape.explains:.0f} % of the misfit",
+                f"explains {100 * shape.explains:.0f} %\nof the misfit",
                 f"{name} [{unit}]" if unit else name,
-                "friction μ ± 2 s.e. [1]",
+                "friction μ ± 2 s.e. [1]" if axes is row[0] else "",
             )
     return drawing
 
