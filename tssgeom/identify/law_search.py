@@ -233,10 +233,8 @@ def _offers(
     offers.sort(key=lambda one: -one.gain)
     judged = [_judged(problem, base, now, one, held, limits) for one in offers[: LAW_SEARCH.fitted]]
     rest = [replace(one, veto=LESS) for one in offers[LAW_SEARCH.fitted :]]
-    first = max(judged, key=lambda one: one.gain, default=None)
-    if held is not None and first is not None and first.is_contradicted:
-        finer = _finer(problem, base, now, first, held)
-        judged = [finer if one is first else one for one in judged]
+    if held is not None:
+        judged = [_finer(problem, base, now, one, held) if one.is_contradicted else one for one in judged]
     return in_order(judged) + rest
 
 
