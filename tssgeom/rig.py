@@ -313,7 +313,7 @@ def read_uncertain_rig(path: str | Path) -> tuple[Rig, tuple[Uncertain, ...]]:
 
 def with_values(rig: Rig, values: Mapping[str, float]) -> Rig:
     """Return a rig with some of its numbers changed, by key; SettingsError where one is out of bounds."""
-    tables = msgspec.to_builtins(rig, enc_hook=float)
+    tables = msgspec.to_builtins(rig, enc_hook=float)  # fits give numpy's floats
     for key, value in values.items():
         change(tables, key, lambda _, value=value: float(value))
     try:
@@ -338,7 +338,7 @@ def write_rig(path: Path, rig: Rig, provenance: Sequence[str] = (), errors: RigE
         Where the disk refuses.
     """
     comments = "".join(f"# {printable(' '.join(line.split()))}\n" for line in provenance)
-    tables = without_none(msgspec.to_builtins(rig, enc_hook=float))  # fits give numpy's floats
+    tables = without_none(msgspec.to_builtins(rig, enc_hook=float) | {"unexplained": rig.unexplained.given()})
     errors.state(tables)
     for name in ("drive", "end", "route"):
         if getattr(rig, name) == getattr(Rig(), name):

@@ -187,8 +187,9 @@ def pulled(
         transmission = with_filter(transmission, known)
     elif commander.variants or rig.unexplained:
         by_position = given.tension_in is None and (given.displacement_in is not None or command is not None)
-        by = {"by_tension": not by_position}
-        transmission = with_rig_errors(transmission, commander.variants, rig, moved.route, **by)
+        transmission = with_rig_errors(
+            transmission, commander.variants, rig, moved.route, by_tension=not by_position
+        )
     of_route = frame.warnings + shape.warnings + fit.warnings
     of_frame = _temperature_warnings(rig, frame) + _unread(frame) + warnings
     return FrameResult(

@@ -9,7 +9,7 @@ import difflib
 import itertools
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -29,7 +29,7 @@ _DIGITS = 1e-6  # of correlations in a file [1]; stated: numbers fewer than thei
 _ROUNDED = 1e-3  # below 0 by as much for each number, an eigenvalue of correlations is 0 [1]; chosen: digits
 
 
-class Unexplained(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, omit_defaults=True):
+class Unexplained(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """What a model left of measured runs beyond what their sensors explain, rms; 0 where it left nothing."""
 
     tension_in_N: float = 0.0
@@ -53,21 +53,29 @@ class Unexplained(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
 
     def __bool__(self) -> bool:
         """Whether it left anything."""
-        return any(msgspec.structs.astuple(self))
+        return bool(self.given())
+
+    def given(self) -> dict[str, float]:
+        """Return what is not 0, by channel."""
+        return {name: value for name, value in msgspec.structs.asdict(self).items() if value}
 
     @classmethod
-    def by_channel(cls, rms: Mapping[str, float]) -> Unexplained:
-        """Return what was left of channels, of several tendons the most [N, m, rad]; others do not count."""
+    def beyond(cls, left: Iterable[tuple[str, float, float]]) -> Unexplained:
+        """Return what is beyond the noise of channels, of each the most; docs/model.md (354).
+
+        `left` are channels, the rms of what was left of each, and its noise [N, m, rad]; those of several
+        tendons count as one, and channels without a number here not at all.
+        """
         most = dict.fromkeys(cls.__struct_fields__, 0.0)
-        for name, value in rms.items():
+        for name, rms, noise in left:
             of = _OF_TENDON.sub("", name)
-            if of in most:
-                most[of] = max(most[of], value)
+            if of in most and rms > noise:
+                most[of] = max(most[of], math.sqrt(rms**2 - noise**2))
         return cls(**most)
 
     def of(self, channels: Sequence[str]) -> Vector:
         """Return that of channels, `tension_out_2_N` being the distal tension of a tendon [N, m, rad]."""
-        left = msgspec.structs.asdict(self)
+        left = self.given()
         return np.array([left.get(_OF_TENDON.sub("", name), 0.0) for name in channels])
 
 
@@ -164,7 +172,7 @@ class RigErrors:
         for key, sd in zip(self.keys, self.sd, strict=True):
             change(tables, key, lambda value, sd=sd: f"{{ value = {value!r}, sd = {sd:.4g} }}")
         if self.unexplained:
-            tables["unexplained"] = msgspec.to_builtins(self.unexplained)
+            tables["unexplained"] = self.unexplained.given()
         together: dict[str, dict[str, float]] = {}
         names = [(k, one) for k, key in enumerate(self.keys) for one in keys_of(key)]
         for (a, one), (b, other) in itertools.combinations(names, 2):

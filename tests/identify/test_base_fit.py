@@ -10,6 +10,7 @@ from tests.bristle import make_campaign
 from tssgeom.identify.assembly import base_estimates
 from tssgeom.identify.drive_noise import sampled_drives
 from tssgeom.identify.fit import base_fit
+from tssgeom.identify.prediction import of_other_directions
 from tssgeom.identify.readings import readings
 from tssgeom.identify.screening import screening, threshold, variants
 from tssgeom.io.formats.campaigns import read_campaign
@@ -52,13 +53,18 @@ def test_what_no_point_shows_of_the_form_of_a_route_is_in_the_interval_of_fricti
     assert with_form**2 - own**2 == pytest.approx(0.02**2, rel=0.1)
 
 
+def estimated(problem, fit):
+    others = of_other_directions(problem.stack, fit.at.rig(problem.rig), fit.at.effects)
+    return base_estimates(problem, fit, others)
+
+
 def test_intervals_grow_with_what_a_fit_leaves_beyond_noise(wide_route):
     rig, runs = wide_route
     problem, _, fit = base_fit(runs, rig)
     loud = replace(fit, chi2=9.0 * fit.chi2)
 
     def variance(fit):
-        each = base_estimates(problem, fit)["compliance_per_N"]
+        each = estimated(problem, fit)["compliance_per_N"]
         return (np.log(each.high / each.low) / (2.0 * 1.959964)) ** 2
 
     more = (loud.inflation - fit.inflation) * fit.covariance[1, 1]
@@ -72,7 +78,7 @@ def _spread(form, rig, runs):
     variance = (form * arcs.total_angle) ** 2
     wider = replace(arcs.with_variances(0.0, variance), form_variance=variance)
     problem, _, fit = base_fit([replace(run, route=replace(run.route, arcs=wider)) for run in runs], rig)
-    friction = base_estimates(problem, fit)["friction"]
+    friction = estimated(problem, fit)["friction"]
     return np.log(friction.high / friction.low) / (2.0 * 1.959964)
 
 

@@ -15,6 +15,7 @@ from tssgeom.identify.law_fit import LAW_FIT, Added, Term, fitted, score, with_t
 from tssgeom.identify.law_search import Offer, in_order
 from tssgeom.identify.law_smoothness import law_precision, straight_model
 from tssgeom.identify.mechanisms import mechanisms
+from tssgeom.identify.prediction import of_other_directions
 from tssgeom.identify.readings import readings
 from tssgeom.identify.rig_errors import of_fit
 from tssgeom.identify.workflow import discover
@@ -190,7 +191,7 @@ def test_a_rig_has_the_errors_of_a_law_at_its_knots(problem):
     given, _, base = problem
     _, term, _ = score(given, fitted(given, base.at, ()), named(given, "friction_over_arc_length"))
     fit = fitted(given, base.at, (term,))
-    errors = of_fit(given, fit)
+    errors = of_fit(given, fit, of_other_directions(given.stack, fit.point.rig(given.rig), fit.point.effects))
     factor = np.array(fit.point.effects[0].factor)
     own = {key: sd for key, sd in zip(errors.keys, errors.sd, strict=True) if key.startswith("effects")}
     assert list(own) == [f"effects[0].factor[{k}]" for k in range(len(factor))]

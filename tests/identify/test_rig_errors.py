@@ -113,7 +113,7 @@ def test_a_joint_misses_by_what_the_correlations_of_its_rig_say(tmp_path):
     stated = errors(uncertain)
     missed = float(np.sqrt(np.mean((is_at - meant) ** 2)))
     assert missed < 2.5 * float(np.mean(stated))
-    rig = msgspec.structs.replace(rig, unexplained=Unexplained.by_channel({"joint_angle_rad": 3e-3}))
+    rig = msgspec.structs.replace(rig, unexplained=Unexplained(joint_angle_rad=3e-3))
     assert errors(uncertain) == pytest.approx(np.hypot(stated, 3e-3), rel=1e-9)
     command = {name: values[1:] for name, values in command.items()}
     target = {"time_s": command["time_s"], "joint_angle_rad": 0.1 + 0.0 * command["time_s"]}

@@ -22,7 +22,6 @@ from tssgeom.identify.finding import (
 from tssgeom.identify.fit import Fit, Free, Point, Problem, refined
 from tssgeom.identify.law_search import LawSearch
 from tssgeom.identify.misfit import NO_CHANGE, HeldOut
-from tssgeom.identify.prediction import of_other_directions
 from tssgeom.identify.screening import detection_limits, size_over_limit
 from tssgeom.identify.selection import Selection, Step, Tried, close_candidates, delta_bic, name_of, without
 from tssgeom.identify.ties import Tied, best_plans
@@ -99,11 +98,13 @@ class Work:
         return self.chosen.fit.chi2 if self.laws is None else self.laws.fit.chi2
 
 
-def base_estimates(problem: Problem, fit: Fit) -> dict[str, Estimate]:
-    """Return friction and compliance with their 95 % intervals, by all errors of routes; (115)."""
+def base_estimates(problem: Problem, fit: Fit, others: Matrix) -> dict[str, Estimate]:
+    """Return friction and compliance with their 95 % intervals, by all errors of routes; (115).
+
+    `others` is what angles of routes may be off beside the directions that the fit counts [rows, m] [N, m].
+    """
     at, nominal = fit.at, problem.rig
     own = np.diag(fit.covariance)[:2] * fit.inflation
-    others = of_other_directions(problem.stack, at.rig(nominal), at.effects)
     moved = fit.covariance @ (fit.jacobian.T @ problem.whitening.whitened(others))
     spread = np.sqrt(own + np.square(moved[:2]).sum(axis=1))
     spread[0] = math.hypot(spread[0], nominal.shape.angle_gain_sd)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
@@ -268,9 +267,7 @@ class Finding(Result):
     def unexplained(self) -> Unexplained:
         """What the updated rig leaves beyond the sensors' errors, of held-out runs where there are; (354)."""
         runs = self.misfit.after["held_out"] or self.misfit.after["fitted"]
-        noise = self.misfit.noise
-        beyond = {name: rms**2 - noise.get(name, 0.0) ** 2 for name, rms in runs.items()}
-        return Unexplained.by_channel({name: math.sqrt(each) for name, each in beyond.items() if each > 0.0})
+        return Unexplained.beyond((name, rms, self.misfit.noise.get(name, 0.0)) for name, rms in runs.items())
 
     @property
     def is_machine(self) -> bool:

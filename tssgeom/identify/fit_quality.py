@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -104,12 +103,7 @@ class ChannelFit:
 
 def unexplained(fits: Iterable[ChannelFit]) -> Unexplained:
     """Return what a fit leaves of channels that lack an effect, beyond their noise; docs/model.md (354)."""
-    rms = dict[str, float]()
-    for fit in fits:
-        if fit.lacks_an_effect:
-            left = math.sqrt(fit.rms**2 - fit.noise**2)
-            rms[fit.channel] = max(left, rms.get(fit.channel, 0.0))
-    return Unexplained.by_channel(rms)
+    return Unexplained.beyond((fit.channel, fit.rms, fit.noise) for fit in fits if fit.lacks_an_effect)
 
 
 def whiteness(left: Vector) -> float:

@@ -6,19 +6,18 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-import msgspec
 import numpy as np
 from scipy.linalg import block_diag
 
 from tssgeom.arrays import Matrix, Vector
 from tssgeom.errors import SettingsError
+from tssgeom.identify.assembly import updated
 from tssgeom.identify.calibration import Calibration
 from tssgeom.identify.fit import Fit, Problem
 from tssgeom.identify.fit_quality import unexplained
-from tssgeom.identify.law_fit import LawFit, Term
+from tssgeom.identify.law_fit import LawFit, Term, with_terms
 from tssgeom.identify.machine_posterior import Posterior
 from tssgeom.identify.machine_problem import Problem as MachineProblem
-from tssgeom.identify.prediction import of_other_directions
 from tssgeom.least_squares import SOLVER
 from tssgeom.rig import Rig, with_values
 from tssgeom.uncertain import RigErrors, assumed
@@ -55,14 +54,13 @@ def of_machine(problem: MachineProblem, posterior: Posterior) -> RigErrors:
     return _errors([each.key for each in fitted], values, [each.prior.log for each in fitted], covariance)
 
 
-def of_fit(problem: Problem, fit: Fit | LawFit) -> RigErrors:
+def of_fit(problem: Problem, fit: Fit | LawFit, others: Matrix) -> RigErrors:
     """Return the errors of what a campaign puts into a rig: friction, compliance, effects and laws.
 
-    Those of the angles of routes count too, (115), but for their common gain, which commands count.
+    Those of the angles of routes count too, (115), but for their common gain, which commands count. `others`
+    is what these may be off beside the directions that the fit counts [rows, m] [N, m].
     """
     at, terms = (fit.at, fit.terms) if isinstance(fit, LawFit) else (fit.at, ())
-    rig, effects = at.rig(problem.rig), (*at.effects, *(term.mechanism.effect(term.u) for term in terms))
-    others = of_other_directions(problem.stack, rig, effects)
     moved = fit.covariance @ (fit.jacobian.T @ problem.whitening.whitened(others))
     covariance = fit.inflation * fit.covariance + moved @ moved.T
     slope = [at.friction, at.compliance]
@@ -79,7 +77,7 @@ def of_fit(problem: Problem, fit: Fit | LawFit) -> RigErrors:
         values += curve.tolist()
         slopes.append(by)
     whole = np.asarray(block_diag(*slopes), dtype=np.float64)
-    made = msgspec.structs.replace(rig, effects=(*rig.effects, *effects))
+    made = updated(problem.rig, with_terms(at, terms))
     return _possible(keys, np.array(values), whole @ covariance @ whole.T, made)
 
 

@@ -31,7 +31,7 @@ from tssgeom.identify.law_finding import law_candidates, law_ranking
 from tssgeom.identify.law_fit import LawFit, fitted
 from tssgeom.identify.law_search import as_fit, law_promises_more, needed, searched
 from tssgeom.identify.misfit import UNINFORMATIVE, held_out, held_out_change, misfits, traces
-from tssgeom.identify.prediction import Errors, stacked
+from tssgeom.identify.prediction import Errors, of_other_directions, stacked
 from tssgeom.identify.proposal import Asked
 from tssgeom.identify.readings import Reading, readings
 from tssgeom.identify.rig_errors import of_fit
@@ -259,7 +259,8 @@ def _finding(campaign: Campaign, started: _Started, work: Work, attribution: Att
     base_words, of_base = base_ties(fit, campaign.rig)
     tied = [*(ties_of(chosen) if work.laws is None else ()), *of_base]
     problem = work.problem if unknown else chosen.problem if work.laws is None else work.laws.problem
-    base = base_estimates(problem, fit)
+    others = of_other_directions(problem.stack, fit.at.rig(problem.rig), fit.at.effects)
+    base = base_estimates(problem, fit, others)
     named = [name_of(effect) for effect in chosen.fit.at.effects]
     along, gains = attribution.along, attribution.gains
     shapes = missing_shapes(work.problem, work.base, along, gains) if unknown else ()
@@ -288,7 +289,7 @@ def _finding(campaign: Campaign, started: _Started, work: Work, attribution: Att
         ranking=ranking(work, effects) if work.laws is None else law_ranking(work.laws, effects),
         missing_shapes=shapes,
         rig=updated(campaign.rig, fit.at),
-        errors=of_fit(problem, whole),
+        errors=of_fit(problem, whole, others),
         traces=all_traces,
         notes=(*notes, *refused(work)),
         seconds=0.0,

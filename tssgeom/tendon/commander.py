@@ -13,6 +13,7 @@ from tssgeom.errors import SettingsError
 from tssgeom.rig import Rig
 from tssgeom.tendon.command import Command, compensate
 from tssgeom.tendon.command_error import (
+    NO_DISTAL_ERRORS,
     DistalErrors,
     Step,
     Variant,
@@ -185,9 +186,8 @@ class Commander:
         of_route = command.errors
         trials = self._trials(command.displacement_in, command.tension_in, at)
         if trials or self.rig.unexplained or self.tolerance is not None or self.of_filter is not None:
-            of_model = model_errors(transmit(command.state, self.rig), self.rig, command.state.route)
-            both = of_route.beside(of_model)
-            errors = self._of_rig(both, trials, command.displacement_in, command.tension_in)
+            errors = of_route.beside(self._of_model(command.state))
+            errors = self._of_rig(errors, trials, command.displacement_in, command.tension_in)
             miss = self._miss(target, command.displacement_reached, command.tension_reached)
             risk = None if self.tolerance is None else outside(miss, _of(errors, measured), self.tolerance)
             command = replace(command, errors=errors, out_of_tolerance=risk)
@@ -198,6 +198,12 @@ class Commander:
     def _trials(self, displacement_in: float, tension_in: float, at: Step) -> tuple[Variant, ...]:
         free = at._replace(stands=None)  # as `compensate` steps the tendon
         return tuple(each.driven(free, displacement_in, tension_in) for each in self.variants)
+
+    def _of_model(self, state: TendonState) -> DistalErrors:
+        """Return the errors of what the model left of measured runs, at no cost where it left nothing."""
+        if not self.rig.unexplained:
+            return NO_DISTAL_ERRORS
+        return model_errors(transmit(state, self.rig), self.rig, state.route)
 
     def _of_rig(
         self, of_both: DistalErrors, trials: Sequence[Variant], displacement_in: float, tension_in: float
@@ -227,8 +233,8 @@ class Commander:
         ends, rig = transmit(held, self.rig), self.rig
         trials = self._trials(ends.displacement_in, ends.tension_in, at)
         of_route = route_errors(before, held, ends, rig, at.shared, self.kept)
-        of_model = model_errors(ends, rig, held.route)
-        errors = self._of_rig(of_route.beside(of_model), trials, ends.displacement_in, ends.tension_in)
+        errors = of_route.beside(self._of_model(held))
+        errors = self._of_rig(errors, trials, ends.displacement_in, ends.tension_in)
         if target.tension_out is not None and rig.load.stiffness_N_per_m == 0.0:
             by_tension = measured == "tension"
             error = errors.tension_out_by_tension if by_tension else errors.tension_out
