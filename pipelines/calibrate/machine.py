@@ -54,7 +54,7 @@ def calibrate_machine(
         fitted = fitted_machine(runs, arcs, settings.rig, settings.uncertain, report_step)
         fitted = beside_stated(fitted, settings.rig, settings.rig_file)
         report_step("done", 1.0)
-    for warning in grouped(fitted.warnings, [run.name for run in fitted.runs]):
+    for warning in _warnings(fitted):
         print_message(f"{paths[0]}: warning: {warning}")
     written = force or not fitted.failures
     summary = _object(paths, shapes, out if written else None, fitted)
@@ -113,10 +113,19 @@ def _provenance(paths: Sequence[Path], shapes: Sequence[Path], fitted: MachineCa
     for kind, files in (("Run", paths), ("Shape", shapes)):
         lines += [f"{kind} {path.name}, SHA-256 {sha256_of(path)}" for path in files]
     lines.append("With 95 % intervals; what is not identified stands near what was assumed:")
-    lines += [f"  {estimate_title(each)}: {_sentence(each)}" for each in fitted.estimates]
+    lines += [f"  {estimate_title(each)}: {_sentence(each)}" for each in _listed(fitted)]
     lines += [f"Tied: {each}" for each in fitted.tied]
     lines += [f"Fails its test: {failure}" for failure in fitted.failures]
-    return lines + [f"Warning: {warning}" for warning in fitted.warnings]
+    return lines + [f"Warning: {warning}" for warning in _warnings(fitted)]
+
+
+def _warnings(fitted: MachineCalibration) -> Sequence[str]:
+    return grouped(fitted.warnings, [run.name for run in fitted.runs])
+
+
+def _listed(fitted: MachineCalibration) -> list[MachineEstimate]:
+    """Return what a reader is shown: numbers of the rig, and those of runs and routes that are identified."""
+    return [each for each in fitted.estimates if each.key or each.identified]
 
 
 def _sentence(each: MachineEstimate) -> str:
@@ -132,7 +141,7 @@ def _print(paths: Sequence[Path], out: Path | None, fitted: MachineCalibration) 
     from tssgeom.tendon.machine_simulation import drive_channels
 
     rows = []
-    listed = [each for each in fitted.estimates if each.key or each.identified]
+    listed = _listed(fitted)
     hidden = len(fitted.estimates) - len(listed)
     for each in (*listed, fitted.friction_angle):
         assumed = f"{each.assumed[0]:.4g} to {each.assumed[1]:.4g}"
@@ -151,7 +160,7 @@ def _print(paths: Sequence[Path], out: Path | None, fitted: MachineCalibration) 
     notes += [
         *fitted.tied,
         *(
-            f"{each.name}: {each.count} readings met within {each.rms:.3g} {unit_of(f'_{each.unit}')} rms, "
+            f"{each.name}: {each.count} readings met within {each.rms:.3g} {each.unit} rms, "
             f"{each.over_noise:.3g} × their noise; they count as {each.effective_count:.0f} independent ones"
             for each in fitted.channels
         ),
