@@ -94,6 +94,7 @@ def test_nothing_is_missing_only_as_far_as_the_held_out_runs_agree():
 
 def test_a_number_without_an_interval_is_written_alone():
     assert number(Estimate(0.0021, "m", -math.inf, math.inf)) == "2.1 mm"
+    assert number(Estimate(602e-6, "s", -317e-6, 1521e-6)) == "602 ± 919 µs"
 
 
 @pytest.mark.parametrize(

@@ -7,8 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -39,7 +38,8 @@ _FEWEST_STEPS = 4  # derived: Fisher's z of three has no error
 _SEED = 20  # of the draws; any, but the same in all fits
 
 
-class NoisyInputs(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class NoisyInputs:
     """What acts on a machine in a run, without its noise where that can be taken off."""
 
     time: Vector
@@ -56,13 +56,23 @@ class NoisyInputs(NamedTuple):
     """[s] Which of those are samples of the run."""
     pulls: Mapping[str, Legs]
     """Drives that are monotone from turn to turn, as far as their readings are used."""
+    _drawn: dict[tuple[int, bytes | None], list[dict[str, Vector]]] = field(
+        default_factory=dict, init=False, repr=False, compare=False
+    )
+    """Draws that were made, by their number and turns: every model of a search needs the same."""
 
-    def draws(self, count: int, turns: np.ndarray | None) -> Iterator[dict[str, Vector]]:
-        """Yield samples of the noisy channels as they might have been with other noise; docs/model.md (264).
+    def draws(self, count: int, turns: np.ndarray | None) -> list[dict[str, Vector]]:
+        """Return samples of the noisy channels as they might have been with other noise; docs/model.md (264).
 
         The run has a sample before each of its `turns` where it is driven by the tension of one tendon; noise
         that makes another turn is none that was read.
         """
+        key = count, None if turns is None else turns.tobytes()
+        if key not in self._drawn:
+            self._drawn[key] = list(self._draws(count, turns))
+        return self._drawn[key]
+
+    def _draws(self, count: int, turns: np.ndarray | None) -> Iterator[dict[str, Vector]]:
         rng, time = np.random.default_rng(_SEED), self.time[self.kept]
         for _ in range(count if self.readings or self.pulls else 0):
             out = {channel: self._again(channel, rng)[self.kept][self.at] for channel in self.readings}

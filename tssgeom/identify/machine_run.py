@@ -153,7 +153,8 @@ def machine_run(
     pulls = {each: legs(given[each], given["time_s"], 0.0 if each in steps else None) for each in pulled}
     pulls |= {each: _kept_legs(made, kept) for each, made in levelled.items()}
     given |= {each: made.values for each, made in pulls.items()}
-    noisy = noisy._replace(
+    noisy = replace(
+        noisy,
         kept=kept,
         at=np.arange(len(kept)),
         pulls={each: made for each, made in pulls.items() if is_noisy(made.values, made.noise)},
@@ -241,7 +242,7 @@ def straight_between_readings(run: MachineRun) -> MachineRun:
     made, (channel, *_) = run.legs.straight(), drive_channels(run.drive, run.tendons)
     pulls = {name: each.straight() if each.calm else each for name, each in run.inputs.pulls.items()}
     given = {**run.given, channel: with_turns(made, np.zeros(len(made.turns)))}
-    return replace(run, given=given, legs=made, inputs=run.inputs._replace(pulls=pulls))
+    return replace(run, given=given, legs=made, inputs=replace(run.inputs, pulls=pulls))
 
 
 def turns_apart(run: MachineRun, straight: MachineRun) -> bool:
@@ -259,7 +260,7 @@ def thinned(run: MachineRun, most: int) -> MachineRun:
     at = _thinned(len(motion), turns_of(motion) if made is None else made.turns, most)
     given = {name: np.ascontiguousarray(values[at]) for name, values in given.items()}
     measured = {name: values[at] for name, values in measured.items()}
-    noisy = run.inputs._replace(at=run.inputs.at[at])
+    noisy = replace(run.inputs, at=run.inputs.at[at])
     run = replace(run, given=given, measured=measured, held_out=held_out[at], inputs=noisy, legs=None)
     return run if made is None else _with_turns_between(run, _kept_legs(made, at))
 

@@ -264,8 +264,8 @@ def number(estimate: Estimate) -> str:
     unit = "" if estimate.unit == "1" else f" {prefix}{estimate.unit}"
     if not math.isfinite(half):
         return f"{estimate.value / scale:.3g}{unit}"
-    digits = 1 - math.floor(math.log10(half / scale)) if half > 0.0 else 3
-    if abs(estimate.value / scale) >= 1e-2 and 0 <= digits <= 6:
+    digits = max(1 - math.floor(math.log10(half / scale)), 0) if half > 0.0 else 3
+    if abs(estimate.value / scale) >= 1e-2 and digits <= 6:
         return f"{estimate.value / scale:.{digits}f} ± {half / scale:.{digits}f}{unit}"
     return f"{estimate.value / scale:.3g} ± {half / scale:.1g}{unit}"
 
