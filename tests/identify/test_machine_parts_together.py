@@ -12,6 +12,7 @@ from tssgeom.identify.fit_quality import spread
 from tssgeom.identify.machine_discovery import discover_machine, machine_work
 from tssgeom.identify.machine_evidence import size_of
 from tssgeom.identify.machine_finding import MachineCampaign
+from tssgeom.identify.machine_fit import fit_round
 from tssgeom.identify.machine_forecast import forecast
 from tssgeom.identify.machine_parts import parts_of
 from tssgeom.identify.machine_refit import without_needless
@@ -135,12 +136,18 @@ def test_a_part_is_needless_only_where_held_out_readings_do_not_ask_for_it(torqu
     (speed,) = (part for part in every if part.name == "velocity_dependent_friction")
     hardware, own = speed.on(base.problem.rig)
     problem = replace(base.problem, rig=hardware, parameters=(*base.problem.parameters, *own))
-    u = np.append(base.state.u, np.zeros(len(own)))
-    state = replace(base.state, u=u, steps=problem.steps(), beside=None)
-    model = replace(base, problem=problem, state=state, parts=(speed,))
+
+    def with_friction(size):
+        u = np.append(base.state.u, np.full(len(own), size))
+        state = fit_round(problem, u, base.state.weight, base.state.inflation, 0)
+        return replace(base, problem=problem, state=state, parts=(speed,))
+
+    model = with_friction(1.0)
     assert without_needless(model, 0, ()).parts == ()
     helps = replace(model, held={name: 0.5 * rms for name, rms in model.held.items()})
     assert without_needless(helps, 0, ()) is None
+    unseen = replace(with_friction(0.0), held=helps.held)
+    assert without_needless(unseen, 0, ()).parts == ()
     if torque:  # one channel asks for it, and all together do not
         held = {name: (0.8 if name == "joint_angle_rad" else 2.0) * rms for name, rms in model.held.items()}
         assert without_needless(replace(model, held=held), 0, ()).parts == ()
