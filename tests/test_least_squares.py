@@ -109,3 +109,11 @@ def test_a_bent_ridge_is_followed_to_its_lowest_point():
     given = Problem(bent, np.zeros((2, 2)), -free, free, step=1e-6)
     assert solve(replace(given, along_ridges=True), start).u == pytest.approx([1.0, 1.0], abs=0.3)
     assert np.abs(solve(given, start).u - 1.0).max() > 1.0  # damped steps end where they become short
+
+
+def test_along_a_ridge_a_fit_begins_with_the_share_before_the_last_one_that_helped():
+    free = np.full(1, np.inf)
+    flat_beyond = Problem(lambda u: (np.arctan(u), None), np.zeros((1, 1)), -free, free, step=1e-6)
+    fit = solve(replace(flat_beyond, along_ridges=True), np.array([8.0]))  # a whole step goes to −86
+    assert fit.u == pytest.approx([0.0], abs=0.01)
+    assert fit.evaluations <= 15  # 21 where each pass begins with the whole step

@@ -115,6 +115,8 @@ class Solution(Generic[Detail]):
     passes: int = 0
     """Positions at which derivatives were computed."""
     converged: bool = False
+    shortened: int = 0
+    """Of `SolverSettings.shares`, the first that is tried: the one before that by which χ² fell last."""
 
     @property
     def covariance(self) -> Matrix:
@@ -242,10 +244,12 @@ def _stepped(problem: Problem[Detail], now: Solution[Detail]) -> Generator[None,
     enough = max(SOLVER.converged, problem.close * now.chi2)
     promised = float(pull[free] @ np.linalg.solve(normal, pull[free]))
     near, flat = promised < enough, promised < SOLVER.flat * enough
-    ways = [(1.0, damping) for damping in SOLVER.damping]
+    ways = [(1.0, damping, 0) for damping in SOLVER.damping]
     if problem.along_ridges:
-        ways = [(share, 0.0) for share in SOLVER.shares] + ways
-    for share, damping in ways[: 0 if not free.any() else 1 if near else None]:
+        first, last = 0 if near else now.shortened, len(SOLVER.shares) - 1
+        tried = [(share, 0.0, max(k - 1, 0)) for k, share in enumerate(SOLVER.shares)]
+        ways = tried[first:] + [(share, damping, last) for share, damping, _ in ways]
+    for share, damping, shortened in ways[: 0 if not free.any() else 1 if near else None]:
         damped = normal + damping * np.diag(np.diag(normal))
         chords = SOLVER.chords if damping == 0.0 and not near else 1
         there, fall, used = yield from _tried(problem, now, damped, free, share, chords)
@@ -257,6 +261,7 @@ def _stepped(problem: Problem[Detail], now: Solution[Detail]) -> Generator[None,
                 now,
                 **{name: getattr(there, name) for name in ("u", "left", "detail", "residual", "at_bound")},
                 chi2=now.chi2 - fall,
+                shortened=shortened,
                 converged=min(fall if share == 1.0 or flat else np.inf, square) < enough,
             )
     return replace(now, converged=near)

@@ -15,7 +15,7 @@ from tssgeom.identify.machine_finding import MachineCampaign
 from tssgeom.identify.machine_fit import fit_round
 from tssgeom.identify.machine_forecast import forecast
 from tssgeom.identify.machine_parts import parts_of
-from tssgeom.identify.machine_refit import without_needless
+from tssgeom.identify.machine_refit import without_needless, without_zeros
 from tssgeom.identify.machine_run import machine_run
 from tssgeom.identify.machine_selection import part_step, two_steps
 from tssgeom.rig import with_values
@@ -151,6 +151,19 @@ def test_a_part_is_needless_only_where_held_out_readings_do_not_ask_for_it(torqu
     if torque:  # one channel asks for it, and all together do not
         held = {name: (0.8 if name == "joint_angle_rad" else 2.0) * rms for name, rms in model.held.items()}
         assert without_needless(replace(model, held=held), 0, ()).parts == ()
+
+
+def test_a_model_that_is_compared_with_one_without_a_zero_keeps_its_numbers():
+    base, _, _ = steps_of(end_play=0.01, torque=True)
+    (first, *_) = (each.key for each in base.problem.parameters if each.kind == "zero")
+    less, same = without_zeros(base, [first], ())
+
+    def numbers(model):
+        names = [each.name for each in model.problem.parameters]
+        return dict(zip(names, model.state.u, strict=True))
+
+    assert numbers(same) == numbers(base)
+    assert list(numbers(less)) == list(numbers(same))[: len(numbers(less))]
 
 
 def test_the_bars_of_a_correction_are_more_where_the_readings_ask_for_it():

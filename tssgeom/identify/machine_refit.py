@@ -126,16 +126,17 @@ def without_zeros(
     stays = np.flatnonzero(~of_zero)
     less = replace(problem, parameters=tuple(problem.parameters[j] for j in stays))
     made = refitted(less, model.state.u[stays], model, model.parts, kept, channels)
-    order = np.concatenate([stays, np.flatnonzero(of_zero)])
-    same = replace(model, state=replace(model.state, u=model.state.u[order]))
-    return None if made is None else (made, same)
+    return None if made is None else (made, _with_last(model, of_zero))
 
 
 def reordered(model: FittedModel, which: int) -> FittedModel:
     """Return the model with the numbers of one part last, as `delta_bic` compares them."""
     names = {f"{model.parts[which].label}: {number.name}" for number in model.parts[which].numbers}
-    of_part = np.array([each.name in names for each in model.problem.parameters])
-    order = np.concatenate([np.flatnonzero(~of_part), np.flatnonzero(of_part)])
+    return _with_last(model, np.array([each.name in names for each in model.problem.parameters]))
+
+
+def _with_last(model: FittedModel, which: np.ndarray) -> FittedModel:
+    order = np.concatenate([np.flatnonzero(~which), np.flatnonzero(which)])
     parameters = tuple(model.problem.parameters[j] for j in order)
     state = replace(model.state, u=model.state.u[order], steps=model.state.steps[order], beside=None)
     return replace(model, problem=replace(model.problem, parameters=parameters), state=state)
