@@ -50,3 +50,12 @@ def test_a_run_that_breaks_off_and_goes_on_is_named():
     broken = {name: values[there] for name, values in columns.items()}
     assert any("time_s jumps by 1.5" in note for note in machine_run("run", broken, ROUTE, rig()).notes)
     assert not machine_run("run", columns, ROUTE, rig()).notes
+    sparse = columns | {
+        "motor_angle_rad": np.where(
+            np.arange(len(columns["time_s"])) % 10, columns["motor_angle_rad"], np.nan
+        )
+    }
+    assert any(
+        "motor_angle_rad of run is missing in" in note
+        for note in machine_run("run", sparse, ROUTE, rig()).notes
+    )

@@ -30,7 +30,7 @@ from tssgeom.plausibility.machines import (
     sign_remarks,
 )
 from tssgeom.plausibility.rules import warnings_of
-from tssgeom.plausibility.series import Series
+from tssgeom.plausibility.series import Series, missing_remarks
 from tssgeom.rig import Rig, Sensor
 from tssgeom.route.pieces import Arcs
 from tssgeom.statistics import EVIDENCE_SCALE, digit_noise, reading_noise, turns
@@ -178,9 +178,11 @@ def machine_run(
     noise = {
         each: _noise_of(columns[each], columns["time_s"], rig.sensors.get(each, Sensor())) for each in answers
     }
+    missing = missing_remarks({f"{each} of {name}": columns[each] for each in (*given_names, *answers)})
+    notes += (*current_notes(columns, rig), *warnings, *(each.text for each in missing))
     run = MachineRun(
         *(name, given, answers, held_out, tuple(routes), drive, end_given, count, noisy, noise),
-        notes=(*notes, *current_notes(columns, rig), *warnings),
+        notes=notes,
     )
     run = with_drive_known(run, rig.drive.lag_s)
     return _with_turns_between(run, *pulls.values()) if len(pulls) == 1 else run
