@@ -6,7 +6,7 @@ Source: docs/model.md (196)-(198).
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -185,17 +185,31 @@ def touched(model: FittedModel, parts: Sequence[Part]) -> set[str]:
     Others follow what is fitted with the parts, and say nothing of these; docs/model.md (310). All are, where
     the machine has no equilibrium without the parts.
     """
+    made = set[str]()
+    for block, (_, name, left, changed) in enumerate(_without(model, parts)):
+        if changed > _limit(left, model.problem.floor(block)):
+            made.add(name)
+    return made
+
+
+def is_below_noise(model: FittedModel, part: Part) -> bool:
+    """Return whether no channel would show a part if a model left its noise alone; docs/model.md (355)."""
+    runs = model.problem.runs
+    return all(
+        changed <= CHANCE.clear * runs[k].noise[name] / math.sqrt(len(left))
+        for k, name, left, changed in _without(model, [part])
+    )
+
+
+def _without(model: FittedModel, parts: Sequence[Part]) -> Iterator[tuple[int, str, Vector, float]]:
+    """Yield run and channel of each block, what is left of it, and the rms change without parts [SI]."""
     names = {f"{part.label}: {number.name}" for part in parts for number in part.numbers}
     problem, state = model.problem, model.state
     kept = np.array([each.name not in names for each in problem.parameters])
-    if (without := problem.model(kept * state.u)) is None:
-        return {name for _, name, _ in problem.rows}
-    made = set[str]()
-    blocks = zip(problem.rows, state.left, problem.left(without), strict=True)
-    for block, ((_, name, _), left, other) in enumerate(blocks):
-        if root_mean_square(other - left) > _limit(left, problem.floor(block)):
-            made.add(name)
-    return made
+    without = problem.model(kept * state.u)
+    others = state.left if without is None else problem.left(without)
+    for (k, name, _), left, other in zip(problem.rows, state.left, others, strict=True):
+        yield k, name, left, math.inf if without is None else root_mean_square(other - left)
 
 
 def held_out_ratio(before: FittedModel, after: FittedModel) -> float:

@@ -19,8 +19,8 @@ from tssgeom.identify.machine_evidence import (
     contradicted,
     delta_bic,
     held_out_rises,
+    is_below_noise,
     modelled,
-    touched,
 )
 from tssgeom.identify.machine_fit import fit_round, fitted_again
 from tssgeom.identify.machine_parameters import Parameter
@@ -69,7 +69,7 @@ def without_needless(model: FittedModel, which: int, kept: Sequence[MachineRun])
     less, whole = without_part(model, which, kept), reordered(model, which)
     if less is None:
         return None
-    if not touched(model, [model.parts[which]]):
+    if is_below_noise(model, model.parts[which]):
         return less
     fall = -sum(held_out_rises(less, whole).values())
     asked = delta_bic(less, whole) >= EVIDENCE_SCALE.very_strong and held_out_asks(model.parts[which], fall)
