@@ -124,7 +124,7 @@ def _warnings(fitted: MachineCalibration) -> Sequence[str]:
 
 
 def _listed(fitted: MachineCalibration) -> list[MachineEstimate]:
-    """Return what a reader is shown: numbers of the rig, and those of runs and routes that are identified."""
+    """Return what is printed: numbers of the rig, and those of runs and routes that are identified."""
     return [each for each in fitted.estimates if each.key or each.identified]
 
 

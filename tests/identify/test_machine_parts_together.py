@@ -146,8 +146,8 @@ def test_a_part_is_needless_only_where_held_out_readings_do_not_ask_for_it(torqu
     assert without_needless(model, 0, ()).parts == ()
     helps = replace(model, held={name: 0.5 * rms for name, rms in model.held.items()})
     assert without_needless(helps, 0, ()) is None
-    unseen = replace(with_friction(0.0), held=helps.held)
-    assert without_needless(unseen, 0, ()).parts == ()
+    below = replace(with_friction(0.0), held=helps.held)
+    assert without_needless(below, 0, ()).parts == ()
     if torque:  # one channel asks for it, and all together do not
         held = {name: (0.8 if name == "joint_angle_rad" else 2.0) * rms for name, rms in model.held.items()}
         assert without_needless(replace(model, held=held), 0, ()).parts == ()

@@ -56,7 +56,7 @@ class NoisyInputs:
     """[s] Which of those are samples of the run."""
     pulls: Mapping[str, Legs]
     """Drives that are monotone from turn to turn, as far as their readings are used."""
-    _drawn: dict[tuple[int, bytes | None], list[dict[str, Vector]]] = field(
+    _made: dict[tuple[int, bytes | None], list[dict[str, Vector]]] = field(
         default_factory=dict, init=False, repr=False, compare=False
     )
     """Draws that were made, by their number and turns: every model of a search needs the same."""
@@ -68,9 +68,9 @@ class NoisyInputs:
         that makes another turn is none that was read.
         """
         key = count, None if turns is None else turns.tobytes()
-        if key not in self._drawn:
-            self._drawn[key] = list(self._draws(count, turns))
-        return self._drawn[key]
+        if key not in self._made:
+            self._made[key] = list(self._draws(count, turns))
+        return self._made[key]
 
     def _draws(self, count: int, turns: np.ndarray | None) -> Iterator[dict[str, Vector]]:
         rng, time = np.random.default_rng(_SEED), self.time[self.kept]
