@@ -244,12 +244,11 @@ def _stepped(problem: Problem[Detail], now: Solution[Detail]) -> Generator[None,
     enough = max(SOLVER.converged, problem.close * now.chi2)
     promised = float(pull[free] @ np.linalg.solve(normal, pull[free]))
     near, flat = promised < enough, promised < SOLVER.flat * enough
-    ways = [(1.0, damping, 0) for damping in SOLVER.damping]
+    ways, first = [(1.0, damping) for damping in SOLVER.damping], 0
     if problem.along_ridges:
-        first, last = 0 if near else now.shortened, len(SOLVER.shares) - 1
-        tried = [(share, 0.0, max(k - 1, 0)) for k, share in enumerate(SOLVER.shares)]
-        ways = tried[first:] + [(share, damping, last) for share, damping, _ in ways]
-    for share, damping, shortened in ways[: 0 if not free.any() else 1 if near else None]:
+        first = 0 if near else now.shortened
+        ways = [(share, 0.0) for share in SOLVER.shares[first:]] + ways
+    for k, (share, damping) in enumerate(ways[: 0 if not free.any() else 1 if near else None], first):
         damped = normal + damping * np.diag(np.diag(normal))
         chords = SOLVER.chords if damping == 0.0 and not near else 1
         there, fall, used = yield from _tried(problem, now, damped, free, share, chords)
@@ -261,7 +260,7 @@ def _stepped(problem: Problem[Detail], now: Solution[Detail]) -> Generator[None,
                 now,
                 **{name: getattr(there, name) for name in ("u", "left", "detail", "residual", "at_bound")},
                 chi2=now.chi2 - fall,
-                shortened=shortened,
+                shortened=min(max(k - 1, 0), len(SOLVER.shares) - 1),
                 converged=min(fall if share == 1.0 or flat else np.inf, square) < enough,
             )
     return replace(now, converged=near)

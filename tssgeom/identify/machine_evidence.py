@@ -185,11 +185,11 @@ def touched(model: FittedModel, parts: Sequence[Part]) -> set[str]:
     Others follow what is fitted with the parts, and say nothing of these; docs/model.md (310). All are, where
     the machine has no equilibrium without the parts.
     """
-    made = set[str]()
-    for block, (_, name, left, changed) in enumerate(_without(model, parts)):
-        if changed > _limit(left, model.problem.floor(block)):
-            made.add(name)
-    return made
+    return {
+        name
+        for block, (_, name, left, changed) in enumerate(_without(model, parts))
+        if changed > _limit(left, model.problem.floor(block))
+    }
 
 
 def is_below_noise(model: FittedModel, part: Part) -> bool:
